@@ -214,8 +214,9 @@ class Copy:
         self.environment = {**os.environ, "CARGO_TARGET_DIR": str(out / "target"), "VITREO_UQ_CACHE": str(self.cache)}
 
     @contextlib.contextmanager
-    def changed(self, mutants):
-        """Has mutants in the sources for a while: at choice, or the only one where it stands outside functions. `mutants` are numbers, descriptions and places."""
+    def changed(self, mutants, keeps_times=False):
+        """Has mutants in the sources for a while: at choice, or the only one where it stands outside functions. `mutants` are numbers, descriptions and places.
+        If the sources keep their times, what is built here stays valid, also for the tests that call cargo: without a choice it is sound."""
         texts = {}
         for file in {description["file"] for _, description, _ in mutants}:
             changes = [(number, place) for number, description, place in mutants if description["file"] == file]
@@ -223,14 +224,16 @@ class Copy:
         for name in {description["crate"] for _, description, _ in mutants}:
             root = self.tree / "crates" / name / "src/lib.rs"
             texts[root] = ALLOWS + texts.get(root, read(root)) + CHOOSES
-        sound = {path: read(path) for path in texts}
+        sound = {path: (read(path), path.stat()) for path in texts}
         try:
             for path, text in texts.items():
                 path.write_text(text, encoding="utf-8")
             yield
         finally:
-            for path, text in sound.items():
+            for path, (text, before) in sound.items():
                 path.write_text(text, encoding="utf-8")
+                if keeps_times:
+                    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
     def compiles(self, mutant):
         with self.changed([mutant]), self.log.open("w", encoding="utf-8") as log:
@@ -357,7 +360,7 @@ def main():
         note()
         print(f"{number} {mutant['file']}:{mutant['line']} {mutant['outcome']} {mutant.get('by', '')}", flush=True)
 
-    with copy.changed(at_choice):
+    with copy.changed(at_choice, keeps_times=True):
         programs = copy.programs()
     for program in programs:
         started = time.monotonic()

@@ -10,6 +10,7 @@ mod hdf5;
 mod legacy_text;
 mod matlab;
 mod numpy;
+mod percent;
 mod refused;
 mod spreadsheet;
 mod table_text;

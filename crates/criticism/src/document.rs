@@ -32,6 +32,8 @@ const N_REPEATS: usize = 40;
 const WORTH_SAYING: f64 = 1.1;
 /// Number of pairs of effects that the document lists.
 const N_PAIRS: usize = 5;
+/// Size of a pattern, as a part of the noise, from which predictions depend on its cause.
+const LARGE_PATTERN: f64 = 0.5;
 
 /// Results from which the document of a diagnosis is written.
 pub(super) struct Report<'a> {
@@ -433,6 +435,15 @@ impl Report<'_> {
             return format!(
                 "An effect may be missing: the model's residual is {} times the given noise on the {rows}. No effect of the library explains it, and slow noise in addition to the given noise would look the same.{hint}",
                 short(left / self.left.noise_m),
+            );
+        }
+        if let Some(pattern) = self.pattern.as_ref().filter(|pattern| pattern.share_of_noise >= LARGE_PATTERN) {
+            return format!(
+                "An effect may be missing: {}. No effect is certain, because slow noise or a drift of the instrument would look the same. The parameters have absorbed a part of it. The model's error is {} µm on the {rows} (noise {}).{}{hint}",
+                pattern.words(),
+                short(rmse_um),
+                self.noise_words(),
+                self.unknown_noise(),
             );
         }
         let has_gains = rmse_um >= WORTH_SAYING * 1e6 * left;

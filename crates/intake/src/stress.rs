@@ -12,8 +12,22 @@ use record::table::{InspectedTable, TableSettings, bracketed, columns_beside, fa
 const STRESS: [&str; 9] =
     ["stress", "spannung", "contrainte", "esfuerzo", "sforzo", "tensão", "напряжение", "応力", "应力"];
 /// Words by which the strain column is recognised.
-pub(super) const STRAIN: [&str; 9] =
-    ["strain", "deform", "dehnung", "stauchung", "déform", "деформация", "ひずみ", "歪み", "应变"];
+pub(super) const STRAIN: [&str; 12] = [
+    "strain",
+    "deform",
+    "dehnung",
+    "stauchung",
+    "elongation",
+    "élongation",
+    "allongement",
+    "déform",
+    "деформация",
+    "ひずみ",
+    "歪み",
+    "应变",
+];
+/// Symbols of stresses and of strains, as whole names before the unit.
+const SYMBOLS: [[&str; 4]; 2] = [["τ", "σ", "tau", "sigma"], ["γ", "ε", "gamma", "epsilon"]];
 /// Words and symbols by which the column of a relaxation modulus is recognised.
 const MODULUS: [&str; 7] = ["modulus", "g(t)", "e(t)", "g_relax", "e_relax", "relaxationsmodul", "module"];
 /// Words and symbols by which the column of a creep compliance is recognised.
@@ -60,16 +74,27 @@ const PARTS: [(&str, f64); 16] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-pub(super) const UNIAXIAL: [&str; 9] =
-    ["tensil", "tension", "elongation", "compress", "axial", "young", "zug", "druck", "traction"];
+pub(super) const UNIAXIAL: [&str; 11] = [
+    "tensil",
+    "tension",
+    "elongation",
+    "élongation",
+    "allongement",
+    "compress",
+    "axial",
+    "young",
+    "zug",
+    "druck",
+    "traction",
+];
 /// Words of stresses and strains that name such a test, unless a column is of a rotation.
-const OF_LENGTH: [&str; 4] = ["engineering", "nominal", "true stress", "true strain"];
+const OF_LENGTH: [&str; 6] = ["engineering", "nominal", "true stress", "true strain", "dehnung", "stauchung"];
 /// Words in the names of columns of a rotating rheometer.
-pub(super) const ROTATION: [&str; 5] = ["torque", "shear", "rotation", "drehmoment", "scher"];
+pub(super) const ROTATION: [&str; 7] = ["torque", "shear", "rotation", "drehmoment", "scher", "schub", "cisail"];
 /// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
-pub(super) const MULTIAXIAL: [&str; 3] = ["biaxial", "triaxial", "shear"];
+pub(super) const MULTIAXIAL: [&str; 6] = ["biaxial", "triaxial", "shear", "scher", "schub", "cisail"];
 /// Words in the names of stresses and strains that are not those of the test: settings, statistics, other directions, and parts of another quantity.
 const BESIDE: [&str; 42] = [
     "normal",
@@ -130,6 +155,9 @@ fn stated_part(name: &str) -> (Option<f64>, bool) {
     }
     if let Some((_, part)) = PARTS.iter().find(|(text, _)| name.contains(text)) {
         return (Some(*part), true);
+    }
+    if name.split_once(" in ").is_some_and(|(_, unit)| PLAIN.contains(&unit.trim())) {
+        return (Some(1.0), true);
     }
     match bracketed(&name).map(|(_, text)| text.trim()) {
         None => (None, true),
@@ -212,7 +240,8 @@ fn quantity(name: &str) -> String {
 
 /// Lower-case text of a column's name before its unit.
 fn symbol(name: &str) -> String {
-    name.to_lowercase().replace("(t)", "").split(['(', '[', '/']).next().unwrap_or_default().trim().to_string()
+    let name = name.to_lowercase().replace("(t)", "").replace(" in ", "/");
+    name.split(['(', '[', '/']).next().unwrap_or_default().trim().to_string()
 }
 
 /// True if a name is that of a modulus or compliance of tension by its symbol, as in `Relaxation modulus E(t)`.
@@ -387,7 +416,9 @@ impl StressStrain {
                 None => beside.contains(place),
             })
         };
-        let is_called = |role: usize, name: &str, words: &[&str]| named(role).is_some() || called(name, words, &RATE);
+        let is_called = |role: usize, name: &str, words: &[&str]| {
+            named(role).is_some() || called(name, words, &RATE) || SYMBOLS[role - 1].contains(&symbol(name).as_str())
+        };
         let stresses: Vec<(usize, f64)> = columns(1)
             .filter_map(|(place, (name, unit))| {
                 let stated = unit.as_ref().filter(|unit| unit.dimension == Dimension::Pressure);
@@ -398,7 +429,7 @@ impl StressStrain {
         let strains: Vec<(usize, Option<f64>)> = columns(2)
             .filter_map(|(place, (name, unit))| {
                 let part = match unit {
-                    None if called(name, &STRAIN, &RATE) => {
+                    None if is_called(2, name, &STRAIN) => {
                         let (stated, is_read) = stated_part(name);
                         told_strain.or(stated).or(is_read.then_some(1.0))
                     }
@@ -674,6 +705,12 @@ mod tests {
             ("Time (s),Extension stress (Pa),Strain (%)", 1.0),
             ("Time (s),Shear stress (Pa),Strain (%)", 3.0),
             ("Time (s),Biaxial stress (Pa),Strain (%)", 3.0),
+            ("Zeit in s,Spannung in Pa,Stauchung in %", 1.0),
+            ("Zeit in s,Schubspannung in Pa,Dehnung in %", 3.0),
+            ("Temps (s),Contrainte (Pa),Allongement (%)", 1.0),
+            ("t [s],τ [Pa],γ [-]", 3.0),
+            ("t in s,tau in Pa,gamma in -", 3.0),
+            ("t [s],σ [kPa],ε [%]", 1.0),
         ] {
             let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
             assert_eq!(found.compliance, factor, "{header}");
@@ -704,7 +741,7 @@ mod tests {
         assert!((found.compliance - 2.96).abs() < 1e-12);
         let plain = creep("Zeit in s,Dehnung,Spannung in Pa", None).expect("a creep");
         assert_eq!(plain.given.units, [None, Some("N".into()), Some("m".into())]);
-        assert_eq!(plain.compliance, 3.0);
+        assert_eq!(plain.compliance, 1.0);
     }
 
     /// Units on the command line say what the columns are. Without names of stress and strain, the columns are given, too.

@@ -22,6 +22,7 @@ use crate::prepared::{KeptSurrogate, PreparedModel};
 use crate::problem::{Problem, TAIL_MASS};
 use crate::trust::trust;
 use base::error::{Error, InputPlace, Result, Setting};
+use base::parameter::ParameterSpec;
 use documents::posterior::{Warning, WarningKind};
 use documents::trust::Trust;
 use figures::number::format_significant;
@@ -98,6 +99,27 @@ pub fn run(problem: &Problem, kept_surrogate: Option<KeptSurrogate>, monitor: &d
     let summary = summarise(&model, data, &free, searches, best, (full, &reduced_m));
     let covariance = best.covariance.clone();
     Ok(FitResult { summary, model_parameters, covariance, model })
+}
+
+/// Tolerances of a search that only compares minima with each other.
+const COARSE: Tolerances = Tolerances { objective: 1e-4, parameters: 1e-2, max_iterations: 12 };
+
+/// Finds the best values of the sampled model parameters beside those in `held`, which are fixed at the given values. `start` has all model parameters. Returns them at the
+/// minimum with the sum of squares (m²), to about a percent of a parameter's scale; `None` if the model cannot be evaluated at the start.
+pub(crate) fn best_beside(
+    prepared: &PreparedModel,
+    held: &BTreeMap<usize, f64>,
+    start: &[f64],
+    rows: &FittedRows,
+) -> Option<(Vec<f64>, f64)> {
+    let fixed = &prepared.problem.specification.fixed;
+    let is_free = |(j, spec): &(usize, &ParameterSpec)| !held.contains_key(j) && !fixed.contains_key(spec.name);
+    let free: Vec<usize> =
+        prepared.problem.model.parameters().iter().enumerate().filter(is_free).map(|(j, _)| j).collect();
+    let residuals = CreepResiduals::new(prepared, &free, held, rows);
+    let theta: Vec<f64> = residuals.free.iter().map(|(j, coordinate)| coordinate.theta(start[*j])).collect();
+    let found = fit(&residuals, &theta, &COARSE).ok()?;
+    Some((residuals.model_parameters(&found.theta), found.objective))
 }
 
 /// Residual function of one set of free parameters, with the result of the search from each start.

@@ -58,6 +58,10 @@ pub struct PosteriorParts<'a> {
     pub fixed: &'a BTreeMap<String, f64>,
 }
 
+/// Distance (nats) below the floor at which a coarse log density rejects a point. Trained trajectories are certified to 10⁻⁴ of the amplitude, which changes log densities
+/// by a few nats in records with 10⁻³ of noise.
+const COARSE_NATS: f64 = 30.0;
+
 /// Prior probability beyond either end of a parameter's range. If the surrogate has no trained range, these ranges determine the tabulated rates.
 const TABLE_TAIL: f64 = 1e-9;
 
@@ -148,12 +152,19 @@ impl<'a> ReducedPosterior<'a> {
             log_density,
             |index, out| out.copy_from_slice(&points[index * n..(index + 1) * n]),
             |log_density| self.parts.priors.add_ln_pdf(points, log_density),
+            None,
         );
     }
 
     /// Computes the log density of a batch: −∞ outside the trained ranges, otherwise prior plus likelihood. `natural(d, out)` writes the values of sampled parameter d
-    /// at all points into `out`. `add_prior` adds the log prior.
-    fn fill(&self, log_density: &mut [f64], natural: impl Fn(usize, &mut [f64]), add_prior: impl FnOnce(&mut [f64])) {
+    /// at all points into `out`. `add_prior` adds the log prior. With `coarse`, no trajectories are trained, and the points that need it are marked.
+    fn fill(
+        &self,
+        log_density: &mut [f64],
+        natural: impl Fn(usize, &mut [f64]),
+        add_prior: impl FnOnce(&mut [f64]),
+        coarse: Option<&mut [bool]>,
+    ) {
         let n = log_density.len();
         let mut values = vec![0.0; self.sources.len() * n];
         for (source, out) in self.sources.iter().zip(values.chunks_exact_mut(n)) {
@@ -171,7 +182,21 @@ impl<'a> ReducedPosterior<'a> {
             }
         }
         add_prior(log_density);
-        self.add_ln_likelihood(&mut values, log_density);
+        self.add_ln_likelihood(&mut values, log_density, coarse);
+    }
+
+    /// [`LogDensity::log_density`], with `coarse` as in [`Self::fill`].
+    fn fill_unconstrained(&self, points: &[f64], log_density: &mut [f64], coarse: Option<&mut [bool]>) {
+        let n = log_density.len();
+        if n == 0 {
+            return;
+        }
+        let natural = |index: usize, out: &mut [f64]| {
+            let distribution = &self.parts.priors.priors()[index].distribution;
+            distribution.fill_from_unconstrained(&points[index * n..(index + 1) * n], out);
+        };
+        let add_prior = |log_density: &mut [f64]| self.parts.priors.add_ln_pdf_unconstrained(points, log_density);
+        self.fill(log_density, natural, add_prior, coarse);
     }
 
     /// Displacement per force (1/m) at unit creep compliance and the experiment's Poisson ratio, and the parameter ranges in which the reduced model is valid.
@@ -188,7 +213,7 @@ impl<'a> ReducedPosterior<'a> {
     }
 
     /// Adds the log likelihood of every point whose log density is not −∞. Parameter d of point i is `values[d * n + i]`, with n points.
-    fn add_ln_likelihood(&self, values: &mut [f64], log_density: &mut [f64]) {
+    fn add_ln_likelihood(&self, values: &mut [f64], log_density: &mut [f64], mut coarse: Option<&mut [bool]>) {
         match &self.kernel {
             Kernel::Squares(data) => self.add_by_squares(data, values, log_density),
             Kernel::Stages { response, noise } => {
@@ -199,7 +224,15 @@ impl<'a> ReducedPosterior<'a> {
                 }
                 let mut scratch = Scratch::default();
                 for chunk in inside.chunks(N_LANES) {
-                    self.add_by_stages(response, noise, values, chunk, &mut scratch, log_density);
+                    self.add_by_stages(
+                        response,
+                        noise,
+                        values,
+                        chunk,
+                        &mut scratch,
+                        log_density,
+                        coarse.as_deref_mut(),
+                    );
                 }
             }
         }
@@ -250,7 +283,8 @@ impl<'a> ReducedPosterior<'a> {
         }
     }
 
-    /// Adds the log likelihood of at most [`N_LANES`] points by stages, response and noise filter. `points` holds the indices of the points.
+    /// Adds the log likelihood of at most [`N_LANES`] points by stages, response and noise filter. `points` holds the indices of the points. `coarse` is as in [`Self::fill`].
+    #[expect(clippy::too_many_arguments, reason = "joins the parts of one likelihood")]
     fn add_by_stages(
         &self,
         response: &Response,
@@ -259,9 +293,11 @@ impl<'a> ReducedPosterior<'a> {
         points: &[usize],
         scratch: &mut Scratch,
         log_density: &mut [f64],
+        mut coarse: Option<&mut [bool]>,
     ) {
         let n = log_density.len();
         let n_model = self.parts.model.parameters().len();
+        let mut is_coarse = false;
         scratch.clear();
         for &point in points {
             let is_same = |(d, parameter): (usize, &Dual)| parameter.value == values[d * n + point];
@@ -271,6 +307,9 @@ impl<'a> ReducedPosterior<'a> {
             {
                 scratch.points.push(point);
                 scratch.lanes.push(lane);
+                if let Some(coarse) = &mut coarse {
+                    coarse[point] = is_coarse;
+                }
                 continue;
             }
             scratch.parameters.clear();
@@ -280,7 +319,11 @@ impl<'a> ReducedPosterior<'a> {
                 let compliance_per_m = self.parts.compliance.resolve(&mut stages)?;
                 Ok((stages, compliance_per_m.value))
             }) {
-                Ok((stages, compliance_per_m)) => {
+                Ok((mut stages, compliance_per_m)) => {
+                    if let Some(coarse) = &mut coarse {
+                        is_coarse = stages.avoid_training(compliance_per_m);
+                        coarse[point] = is_coarse;
+                    }
                     scratch.points.push(point);
                     scratch.lanes.push(scratch.stages.len());
                     scratch.stages.push(stages);
@@ -296,7 +339,14 @@ impl<'a> ReducedPosterior<'a> {
         if scratch.points.is_empty() {
             return;
         }
-        let is_valid = response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
+        let mut is_valid =
+            response.trajectories_m(&scratch.stages, &scratch.compliances_per_m, &mut scratch.positions_m);
+        let sums = scratch.positions_m.iter().fold([0.0; N_LANES], |mut sums, row| {
+            sums.iter_mut().zip(&row.0).for_each(|(sum, x)| *sum += x);
+            sums
+        });
+        // A trajectory whose numbers overflow cannot be computed either.
+        is_valid.iter_mut().zip(sums).for_each(|(valid, sum)| *valid &= sum.is_finite());
         // If no point has a trajectory, `positions_m` may have too few rows.
         if !is_valid.contains(&true) {
             scratch.points.iter().for_each(|point| log_density[*point] = f64::NEG_INFINITY);
@@ -357,17 +407,23 @@ impl LogDensity for ReducedPosterior<'_> {
     }
 
     fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
-        let n = log_density.len();
-        if n == 0 {
-            return;
+        self.fill_unconstrained(points, log_density, None);
+    }
+
+    fn log_density_above(&self, points: &[f64], floors: &[f64], log_density: &mut [f64]) {
+        if !self.parts.model.is_nonlinear() || floors.iter().all(|floor| *floor == f64::NEG_INFINITY) {
+            return self.log_density(points, log_density);
         }
-        let natural = |index: usize, out: &mut [f64]| {
-            let distribution = &self.parts.priors.priors()[index].distribution;
-            distribution.fill_from_unconstrained(&points[index * n..(index + 1) * n], out);
-        };
-        self.fill(log_density, natural, |log_density| {
-            self.parts.priors.add_ln_pdf_unconstrained(points, log_density);
-        });
+        let n = log_density.len();
+        let mut coarse = vec![false; n];
+        self.fill_unconstrained(points, log_density, Some(&mut coarse));
+        let is_rejected = |i: usize| log_density[i] < floors[i] - COARSE_NATS;
+        let wanted: Vec<usize> = (0..n).filter(|i| coarse[*i] && !is_rejected(*i)).collect();
+        let of_wanted = |d: usize| wanted.iter().map(move |i| points[d * n + i]);
+        let points: Vec<f64> = (0..self.dimension()).flat_map(of_wanted).collect();
+        let mut values = vec![0.0; wanted.len()];
+        self.log_density(&points, &mut values);
+        wanted.iter().zip(values).for_each(|(i, value)| log_density[*i] = value);
     }
 }
 
@@ -381,6 +437,9 @@ pub fn ln_likelihood(
     Ok(noise.ln_likelihood(&forward.trajectory_m(model_parameters)?, noise_parameters))
 }
 
+#[cfg(test)]
+#[path = "likelihood_coarse_tests.rs"]
+mod coarse_tests;
 #[cfg(test)]
 #[path = "likelihood_stages_tests.rs"]
 mod stages_tests;

@@ -476,7 +476,7 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
     let farthest_m = quantile_of_sorted(&each_m, FARTHEST_QUANTILE);
     let of_prediction = |warning: Warning| {
         Warning {
-        advice: "the prediction assumes that the fitted law holds at this amplitude: test it by a record with as large a displacement".into(),
+        advice: "the prediction assumes that the law holds at this amplitude: test it by a record with as large a displacement".into(),
         ..warning
     }
     };

@@ -33,9 +33,12 @@ const TOUCHING_SD: f64 = 10.0;
 const N_MEAN: usize = 5;
 const FREE_SD: f64 = 3.0;
 /// The record ends at the largest depth after which the depth decreases. A decrease is a depth below the maximum by the fraction `FALL` of the
-/// depth's range, in `N_FALLING` consecutive rows.
+/// depth's range, and by `FALL_SD` standard deviations of its noise, in `N_FALLING` consecutive rows.
 const FALL: f64 = 0.01;
+const FALL_SD: f64 = 6.0;
 const N_FALLING: usize = 5;
+/// Number of rows whose mean depth shows the end of a noisy growth.
+const N_LEVEL: usize = 9;
 
 /// Force on a tip that does not touch the gel.
 struct FreeForce {
@@ -170,21 +173,38 @@ fn free_force(time_s: &[f64], force_n: &[f64]) -> Option<FreeForce> {
 
 /// Returns the index of the row after the largest depth that precedes a decrease of the depth. The search starts at row `from`.
 fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
-    let depths = || tip_m.iter().enumerate().skip(from).filter_map(|(row, x)| Some((row, (*x)?)));
+    let depths: Vec<(usize, f64)> =
+        tip_m.iter().enumerate().skip(from).filter_map(|(row, x)| Some((row, (*x)?))).collect();
     let (lowest_m, highest_m) =
-        depths().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, x)| (low.min(x), high.max(x)));
-    let fall_m = FALL * (highest_m - lowest_m);
+        depths.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, x)| (low.min(*x), high.max(*x)));
+    // Second differences leave the noise of a smooth growth.
+    let bends = depths.windows(3).map(|three| (three[0].1 - 2.0 * three[1].1 + three[2].1).abs()).collect();
+    let sd_m = SD_PER_MAD / 6.0_f64.sqrt() * median(bends).unwrap_or(0.0);
+    let fall_m = (FALL * (highest_m - lowest_m)).max(FALL_SD * sd_m);
     let (mut deepest, mut deepest_m, mut n_falling) = (from, f64::NEG_INFINITY, 0);
-    for (row, x) in depths() {
+    for (place, &(row, x)) in depths.iter().enumerate() {
         if x >= deepest_m {
             (deepest, deepest_m) = (row, x);
         }
         n_falling = if x < deepest_m - fall_m { n_falling + 1 } else { 0 };
         if n_falling == N_FALLING {
-            return deepest + 1;
+            let is_noisy = fall_m < 2.0 * FALL_SD * sd_m;
+            return if is_noisy { end_of_noisy_growth(&depths[..=place - N_FALLING], sd_m) } else { deepest + 1 };
         }
     }
     tip_m.len()
+}
+
+/// Returns the index of the row after the last one in whose neighbourhood the mean depth is the largest within its error. `depths` are row indices with depths (m) before a
+/// decrease, with noise of standard deviation `sd_m`: the largest single depth may stand anywhere in a hold.
+fn end_of_noisy_growth(depths: &[(usize, f64)], sd_m: f64) -> usize {
+    let n = N_LEVEL.min(depths.len());
+    let mean_m = |window: &[(usize, f64)]| window.iter().map(|(_, x)| x).sum::<f64>() / n as f64;
+    let means_m: Vec<f64> = depths.windows(n).map(mean_m).collect();
+    let largest_m = means_m.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let error_m = FREE_SD * sd_m / (n as f64).sqrt();
+    let last = means_m.iter().rposition(|mean| *mean >= largest_m - error_m).unwrap_or(0);
+    depths[last + n / 2].0 + 1
 }
 
 fn keep(trajectory: &mut Trajectory, rows: Range<usize>) {

@@ -73,6 +73,33 @@ fn what_is_left_is_the_growing_contact() {
     }
 }
 
+/// Noise of the depth is no decrease: a hold of constant depth keeps its rows, and a retraction is cut off. The mean of nine rows falls by its error of one standard deviation
+/// within three rows of the retraction, which falls by 0.1 µm a row.
+#[test]
+fn noise_of_the_depth_is_no_retraction() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for sd_m in [10e-9, 50e-9, 150e-9] {
+        let noise = Normal::new(0.0, sd_m).unwrap();
+        let mut trajectory = indentation(0.0, 1);
+        for (row, x) in trajectory.position_m.iter_mut().enumerate() {
+            let creep_m = 1e-9 * (row.clamp(HOLD, RETRACT) - HOLD) as f64;
+            *x = x.map(|x| x - creep_m + noise.sample(&mut random));
+        }
+        let mut held = Trajectory {
+            time_s: trajectory.time_s.clone(),
+            force_n: trajectory.force_n.clone(),
+            position_m: trajectory.position_m.clone(),
+            lines: trajectory.lines.clone(),
+            ..Trajectory::empty(false, "force_nN", "depth_um")
+        };
+        keep(&mut held, 0..RETRACT);
+        let Note::Contact { n_after, .. } = settle(&mut held, &INDENTER).unwrap() else { panic!("a note of contact") };
+        assert_eq!(n_after, 0, "{sd_m:e}");
+        let Note::Contact { n_after, .. } = settle(&mut trajectory, &INDENTER).unwrap() else { panic!("a note") };
+        assert!(n_after.abs_diff(700 - RETRACT) <= 20 || sd_m < 20e-9, "{sd_m:e}: {n_after}");
+    }
+}
+
 /// Checks that the deflection of the spring that carries the tip is subtracted from the position. A force of 10 nN at a stiffness of 0.05 N/m gives a
 /// deflection of 0.2 µm.
 #[test]

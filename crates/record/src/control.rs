@@ -1,5 +1,7 @@
 //! The quantity that an experiment commands: the force, as in a creep test, or the position, as in a relaxation.
 
+use super::noise::SD_PER_MAD;
+use super::robust::median;
 use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 use std::path::Path;
@@ -31,7 +33,13 @@ const ALIKE: f64 = 0.03;
 /// Least change of the force over the longest hold of the position, as a part of its range, that shows a relaxation.
 const DRIFT: f64 = 0.15;
 
-/// Largest distance of a measured position that holds from its mean, as a part of the mean.
+/// Largest part of the rows before a hold in which a commanded strain rises.
+const RISE: f64 = 0.1;
+/// Least standard deviation of a stress, as a part of its mean, beside a strain that is constant to the last digit.
+const UNSTEADY: f64 = 0.01;
+/// Least difference between the first and the last values of a decay, in standard errors.
+const DECAY_ERRORS: f64 = 5.0;
+/// Largest distance of a measured position that holds from its typical value, as a part of that value.
 const NEAR_MEAN: f64 = 0.03;
 /// Least range of the force beside such a position, as a part of its mean, in standard deviations of the position, as a part of its mean.
 const MORE: f64 = 5.0;
@@ -104,15 +112,33 @@ fn has_only_jumps(values: &[f64]) -> bool {
 }
 
 /// True if a strain as the table has it stays near one value without a trend, while the stress drifts by more than the strain varies: a relaxation whose measured strain counts
-/// from its first row is noise only. A coordinate of a bead has no zero of its own, so that this says nothing of it.
+/// from its first row is noise only. A few rows of its rise may stand before it. A coordinate of a bead has no zero of its own, so that this says nothing of it.
 pub(super) fn holds_as_written(force_n: &[f64], written_m: &[Option<f64>]) -> bool {
-    let known: Vec<f64> = written_m.iter().flatten().copied().collect();
-    let mean_m = known.iter().sum::<f64>() / known.len().max(1) as f64;
-    let is_near = known.iter().all(|x| (x - mean_m).abs() < NEAR_MEAN * mean_m.abs());
-    let from_mean: Vec<f64> = known.iter().map(|x| x - mean_m).collect();
-    let is_still = !has_trend(&changes(&from_mean)) && correlation_with_row(&known).abs() < 0.5 * ORDERED;
-    let is_drift = drifts(&changes(force_n)) || correlation_with_row(force_n).abs() > ORDERED;
-    is_near && is_still && is_drift && relative_range(force_n) > MORE * relative_sd(&known)
+    let (force_n, known) = known_rows(force_n, written_m);
+    let Some(typical_m) = median(known.clone()) else { return false };
+    let is_near = |x: &f64| (x - typical_m).abs() < NEAR_MEAN * typical_m.abs();
+    let Some(n_rise) = known.iter().position(is_near).filter(|n| *n as f64 <= RISE * known.len() as f64) else {
+        return false;
+    };
+    let (known, force_n) = (&known[n_rise..], &force_n[n_rise..]);
+    let from_first: Vec<f64> = known.iter().map(|x| x - typical_m).collect();
+    let is_still = !has_trend(&changes(&from_first)) && correlation_with_row(known).abs() < 0.5 * ORDERED;
+    let is_drift = drifts(&changes(force_n)) || correlation_with_row(force_n).abs() > ORDERED || decays(force_n);
+    // No measured strain is constant to the last digit, and no commanded stress varies so much.
+    let is_exact = known.iter().all(|x| *x == known[0]) && relative_sd(force_n) > UNSTEADY;
+    known.iter().all(is_near)
+        && (is_exact || is_still && is_drift && relative_range(force_n) > MORE * relative_sd(known))
+}
+
+/// True if values begin with larger ones than they end, beyond the noise of neighbouring rows.
+fn decays(values: &[f64]) -> bool {
+    let (n_first, n_last) = (values.len() / 10, values.len() / 2);
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let Some(step) = median(steps).filter(|_| n_first > 0) else { return false };
+    let error = SD_PER_MAD / 2.0_f64.sqrt() * step * (1.0 / n_first as f64 + 1.0 / n_last as f64).sqrt();
+    let [first, last] = [mean(&values[..n_first]), mean(&values[values.len() - n_last..])];
+    first / last > 1.0 && (first - last).abs() > DECAY_ERRORS * error
 }
 
 /// Standard deviation of values as a part of their mean.

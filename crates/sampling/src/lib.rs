@@ -25,6 +25,12 @@ pub trait LogDensity: Sync {
     /// Coordinate d of point i is at `points[d * n + i]`, with n = `log_density.len()`. The value −∞ means that a point is outside the support. NaN
     /// is a fault of the model and stops a sampler. The value of a point must not depend on the other points of its batch, not even in the last bit.
     fn log_density(&self, points: &[f64], log_density: &mut [f64]);
+
+    /// [`Self::log_density`], except that a value below the point's entry in `floors` may be coarse, but not above it. This saves a density its
+    /// preparations for regions in which no proposal is accepted.
+    fn log_density_above(&self, points: &[f64], _floors: &[f64], log_density: &mut [f64]) {
+        self.log_density(points, log_density);
+    }
 }
 
 /// Returns an error if a log density is NaN or +∞; the error names the first such point.

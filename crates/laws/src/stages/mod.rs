@@ -130,6 +130,12 @@ pub trait FieldStepper: std::fmt::Debug + Send + Sync {
         time_s: &[f64],
         force: Force<'_>,
     ) -> Result<Vec<Dual>>;
+
+    /// Stepper that needs no training, if this one would first be trained for these stages; `None` if it is ready. It serves trajectories
+    /// that are needed once, and differs by the error of the training.
+    fn untrained(&self, _stages: &Stages, _compliance_per_m: f64) -> Option<SharedStepper> {
+        None
+    }
 }
 
 /// Reduced model that all [`Stages`] with one effect share.
@@ -143,6 +149,14 @@ impl PartialEq for SharedStepper {
 }
 
 impl Stages {
+    /// Replaces a stepper that would first be trained by the one that needs no training, and returns whether it did.
+    pub fn avoid_training(&mut self, compliance_per_m: f64) -> bool {
+        let Some(ReducedField::Stepped(SharedStepper(stepper))) = &self.spread else { return false };
+        let Some(untrained) = stepper.untrained(self, compliance_per_m) else { return false };
+        self.spread = Some(ReducedField::Stepped(untrained));
+        true
+    }
+
     /// Returns stages with a law and no effects. The force acts as commanded, and the recorded position is the robot's position.
     pub fn of_law(law: Vec<Element>) -> Self {
         Self {

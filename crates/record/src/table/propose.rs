@@ -1362,6 +1362,12 @@ mod tests {
             assert!((proposal.position_m[1] - 10e-6).abs() < 1e-12, "{header}: {:?}", proposal.position_m);
         }
         assert_eq!(plane("t_s,F_uN,x (um),y (mm)").description.n_axes(), 1);
+        let of_force = b"t_s,Fx (uN),Fy (uN),x (um),y (um)\n0,1,0,0,0\n1,1,1,3,4\n2,1,1,6,8\n";
+        let read = |given: &TableSettings| propose(Path::new("t.csv"), of_force, given, &mut |_| None);
+        let refused = read(&TableSettings::default()).unwrap_err().to_string();
+        assert!(refused.contains("`Fx (uN)` and `Fy (uN)` are components of one force"), "{refused}");
+        let columns = [None, Some("Fx (uN)".into()), None, None];
+        assert!(read(&TableSettings { columns, ..TableSettings::default() }).is_ok());
         let text = "t_s,F_uN,x (um),y (um)\n0,1,0,500.25\n1,1,3,504\n2,1,6,508\n";
         let far = propose(Path::new("t.csv"), text.as_bytes(), &TableSettings::default(), &mut |_| None).unwrap();
         assert!(far.reasons.iter().any(|reason| reason.contains("is 0 and 500.25 in the table")), "{:?}", far.reasons);

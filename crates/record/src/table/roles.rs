@@ -9,6 +9,9 @@ use super::spelling::{ParsedUnit, bracketed, counted, split_unit, unit};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 
+/// Words in the names of columns of a torque.
+const TORQUE: [&str; 2] = ["torque", "drehmoment"];
+
 /// Role of a column. The order is that of [`TableSettings::columns`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
@@ -366,6 +369,18 @@ impl KnownColumns<'_> {
                 return Ok(ColumnMatch::Axes(axes));
             }
         }
+        if role == Role::Force
+            && let Some((x, y)) = best.iter().find_map(|at| Some((*at, self.partner(*at, 'y', taken, &beside)?)))
+        {
+            let (file, names) = (self.file.display(), &header.names);
+            return Err(Error::input(
+                InputPlace::setting(setting),
+                format!("{file}: `{}` and `{}` are components of one force", names[x], names[y]),
+                format!(
+                    "add a column of the force along the motion, with its sign, and name it with `{setting}`; if only one component acts, name that one"
+                ),
+            ));
+        }
         let found = match best.as_slice() {
             [] if role == Role::Cycle => return Ok(ColumnMatch::Missing),
             [at] => return Ok(ColumnMatch::Single(*at)),
@@ -386,9 +401,13 @@ impl KnownColumns<'_> {
             None => {
                 let is_current =
                     |unit: &Option<ParsedUnit>| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Current);
-                let of_current = match role {
+                let is_torque = |name: &String| TORQUE.iter().any(|word| name.to_lowercase().contains(word));
+                let of_other = match role {
                     Role::Force if header.units.iter().any(is_current) => {
                         "; the force of a coil current is calibrated in [actuation] (docs/experiment.md)"
+                    }
+                    Role::Force if header.names.iter().any(is_torque) => {
+                        "; a torque is no force: export stress and strain, which the instrument's program computes from torque and angle by its geometry"
                     }
                     _ => "",
                 };
@@ -399,7 +418,7 @@ impl KnownColumns<'_> {
                     _ => String::new(),
                 };
                 let remedy =
-                    format!("select it with `{setting} NAME` or its number; {}{of_current}{elsewhere}", self.listed());
+                    format!("select it with `{setting} NAME` or its number; {}{of_other}{elsewhere}", self.listed());
                 Err(Error::input(InputPlace::setting(setting), found, remedy))
             }
         }

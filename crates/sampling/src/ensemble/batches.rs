@@ -18,12 +18,25 @@ impl LogDensity for SplitDensity<'_> {
     }
 
     fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
+        self.split(points, log_density, |_, entry, values| self.inner.log_density(entry, values));
+    }
+
+    fn log_density_above(&self, points: &[f64], floors: &[f64], log_density: &mut [f64]) {
+        self.split(points, log_density, |first, entry, values| {
+            self.inner.log_density_above(entry, &floors[first..first + values.len()], values);
+        });
+    }
+}
+
+impl SplitDensity<'_> {
+    /// Evaluates each smaller batch by a function of the number of its first point, its points and its values.
+    fn split(&self, points: &[f64], log_density: &mut [f64], evaluate: impl Fn(usize, &[f64], &mut [f64]) + Sync) {
         let (n, dimension) = (log_density.len(), self.dimension());
         log_density.par_chunks_mut(self.piece.max(1)).enumerate().for_each(|(k, values)| {
             let first = k * self.piece.max(1);
             let entry: Vec<f64> =
                 (0..dimension).flat_map(|d| &points[d * n + first..d * n + first + values.len()]).copied().collect();
-            self.inner.log_density(&entry, values);
+            evaluate(first, &entry, values);
         });
     }
 }
@@ -53,5 +66,10 @@ impl LogDensity for CountingDensity<'_> {
     fn log_density(&self, points: &[f64], log_density: &mut [f64]) {
         self.count.fetch_add(log_density.len() as u64, Ordering::Relaxed);
         self.inner.log_density(points, log_density);
+    }
+
+    fn log_density_above(&self, points: &[f64], floors: &[f64], log_density: &mut [f64]) {
+        self.count.fetch_add(log_density.len() as u64, Ordering::Relaxed);
+        self.inner.log_density_above(points, floors, log_density);
     }
 }

@@ -38,12 +38,12 @@ pub(super) fn allocation(weights: &[f64], n_ensembles: usize, n_walkers: usize) 
 /// # Errors
 /// [`Error::Numerical`] if the log density is NaN or +∞, or −∞ even at the mode.
 pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStream) -> Result<(Vec<f64>, f64)> {
-    let reach = reach(mode.location.len());
+    let floor = mode.log_density - reach(mode.location.len());
     let mut spread = SPREAD;
     for attempt in 1..=ATTEMPTS {
         let point = mode.draw(spread, stream);
-        let value = evaluate_one(density, &point)?;
-        if value > mode.log_density - reach {
+        let value = evaluate_one(density, &point, floor)?;
+        if value > floor {
             return Ok((point, value));
         }
         if attempt % 15 == 0 {
@@ -51,7 +51,7 @@ pub(super) fn draw(density: &dyn LogDensity, mode: &Mode, stream: &mut RandomStr
             spread *= 0.3;
         }
     }
-    let value = evaluate_one(density, &mode.location)?;
+    let value = evaluate_one(density, &mode.location, f64::NEG_INFINITY)?;
     if value.is_finite() {
         return Ok((mode.location.clone(), value));
     }
@@ -67,10 +67,10 @@ pub(super) fn reach(dimension: usize) -> f64 {
     0.5 * dimension as f64 + 4.0 * (dimension as f64).sqrt() + 20.0
 }
 
-/// Evaluates the log density at one point.
-pub(super) fn evaluate_one(density: &dyn LogDensity, point: &[f64]) -> Result<f64> {
+/// Evaluates the log density at one point. A value below `floor` may be coarse.
+fn evaluate_one(density: &dyn LogDensity, point: &[f64], floor: f64) -> Result<f64> {
     let mut value = [0.0];
-    density.log_density(point, &mut value);
+    density.log_density_above(point, &[floor], &mut value);
     crate::check_log_densities(point.len(), point, &value)?;
     Ok(value[0])
 }

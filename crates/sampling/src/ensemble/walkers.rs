@@ -54,7 +54,8 @@ struct WalkerProposal {
     positions: Vec<f64>,
     log_density: Vec<f64>,
     log_factors: Vec<f64>,
-    thresholds: Vec<f64>,
+    /// Log density that each proposal must exceed to be accepted.
+    floors: Vec<f64>,
 }
 
 /// Checkpoint data of an ensemble. The walkers are in the order of their numbers.
@@ -94,7 +95,7 @@ impl Ensemble {
             positions: vec![0.0; dimension * h],
             log_density: vec![0.0; h],
             log_factors: vec![0.0; h],
-            thresholds: vec![0.0; h],
+            floors: vec![0.0; h],
         };
         let shared = RandomStream::new(seed, (1 << 63) | number as u64);
         Self { dimension, halves: [half(0), half(h)], shared, proposal, jumps: JumpCount::default(), n_steps: 0 }
@@ -128,7 +129,8 @@ impl Ensemble {
             &mut proposal.positions,
             &mut proposal.log_factors,
         );
-        density.log_density(&proposal.positions, &mut proposal.log_density);
+        half.draw_floors(proposal);
+        density.log_density_above(&proposal.positions, &proposal.floors, &mut proposal.log_density);
         check_log_densities(dimension, &proposal.positions, &proposal.log_density)?;
         let n_accepted = half.accept(proposal, dimension);
         if jump.is_some() {
@@ -235,17 +237,23 @@ impl Ensemble {
 }
 
 impl Half {
-    /// Accepts or rejects the proposal of each walker by the Metropolis–Hastings rule, and returns the number of walkers that moved. Reads one random
-    /// word per walker in either case.
-    fn accept(&mut self, proposal: &mut WalkerProposal, dimension: usize) -> u64 {
+    /// Draws the log density that each proposal must exceed by the Metropolis–Hastings rule. Reads one random word per walker.
+    fn draw_floors(&mut self, proposal: &mut WalkerProposal) {
+        proposal.floors.iter_mut().zip(&mut self.streams).for_each(|(u, stream)| *u = stream.unit());
+        elementary::ln_all(&mut proposal.floors);
+        for (floor, (own, factor)) in proposal.floors.iter_mut().zip(self.log_density.iter().zip(&proposal.log_factors))
+        {
+            *floor += own - factor;
+        }
+    }
+
+    /// Accepts or rejects the proposal of each walker, and returns the number of walkers that moved.
+    fn accept(&mut self, proposal: &WalkerProposal, dimension: usize) -> u64 {
         let n = self.log_density.len();
         let mut n_accepted = 0;
-        proposal.thresholds.iter_mut().zip(&mut self.streams).for_each(|(u, stream)| *u = stream.unit());
-        elementary::ln_all(&mut proposal.thresholds);
         for i in 0..n {
-            let log_ratio = proposal.log_density[i] - self.log_density[i] + proposal.log_factors[i];
-            // The ratio can be NaN because of a factor 0·∞. The comparison is then false, and the walker stays.
-            let accept = proposal.thresholds[i] < log_ratio;
+            // The floor can be NaN because of a factor 0·∞. The comparison is then false, and the walker stays.
+            let accept = proposal.log_density[i] > proposal.floors[i];
             self.accepted[i] += u64::from(accept);
             n_accepted += u64::from(accept);
             if accept {

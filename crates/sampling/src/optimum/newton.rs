@@ -58,10 +58,10 @@ pub fn maximise(density: &dyn LogDensity, start: &[f64]) -> Result<Option<Optimu
         }
         refined = at_rest;
         let mut candidates = local.candidates(&x);
-        let mut values = evaluate(density, &candidates)?;
+        let mut values = evaluate(density, &candidates, value)?;
         if iteration >= PLAIN_ITERATIONS && values[0] - value < 0.5 * local.gain {
             let corrected = local.corrected(density, &candidates, &values, &steps)?;
-            values.extend(evaluate(density, &corrected)?);
+            values.extend(evaluate(density, &corrected, value)?);
             candidates.extend(corrected);
         }
         let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
@@ -96,7 +96,7 @@ type StartPoint = (DVector<f64>, f64, DVector<f64>);
 /// Returns `point` with its log density and initial difference steps; `None` outside the support.
 fn beginning(density: &dyn LogDensity, point: &[f64]) -> Result<Option<StartPoint>> {
     let x = DVector::from_column_slice(point);
-    let value = evaluate(density, std::slice::from_ref(&x))?[0];
+    let value = evaluate(density, std::slice::from_ref(&x), f64::NEG_INFINITY)?[0];
     let steps = x.map(|coordinate| 1e-3 * (1.0 + coordinate.abs()));
     Ok((value.is_finite() && !x.is_empty()).then_some((x, value, steps)))
 }
@@ -191,7 +191,7 @@ impl Local {
             (0..n).flat_map(|d| [shifted(end, d, 1.0), shifted(end, d, -1.0)]).collect()
         };
         let points: Vec<DVector<f64>> = ends.iter().flat_map(around).collect();
-        let values = evaluate(density, &points)?;
+        let values = evaluate(density, &points, f64::NEG_INFINITY)?;
         let correct = |(end, values): (&&DVector<f64>, &[f64])| {
             let gradient = DVector::from_fn(n, |d, _| (values[2 * d] - values[2 * d + 1]) / (2.0 * steps[d]));
             let slope = self.eigen.eigenvectors.transpose() * gradient.component_mul(&self.scale);

@@ -11,15 +11,16 @@ pub(super) struct Derivatives {
     pub hessian: DMatrix<f64>,
 }
 
-/// Evaluates the log densities of points, one vector of coordinates per point. NaN is replaced by −∞, because a long trial step may overflow.
-pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>]) -> Result<Vec<f64>> {
+/// Evaluates the log densities of points, one vector of coordinates per point. NaN is replaced by −∞, because a long trial step may overflow. Values
+/// below `floor` may be coarse.
+pub(super) fn evaluate(density: &dyn LogDensity, points: &[DVector<f64>], floor: f64) -> Result<Vec<f64>> {
     let (n, dimension) = (points.len(), density.dimension());
     if n == 0 {
         return Ok(Vec::new());
     }
     let coordinates: Vec<f64> = (0..dimension).flat_map(|d| points.iter().map(move |point| point[d])).collect();
     let mut values = vec![0.0; n];
-    density.log_density(&coordinates, &mut values);
+    density.log_density_above(&coordinates, &vec![floor; n], &mut values);
     values.iter_mut().filter(|value| value.is_nan()).for_each(|value| *value = f64::NEG_INFINITY);
     check_log_densities(dimension, &coordinates, &values)?;
     Ok(values)
@@ -36,7 +37,7 @@ pub(super) fn differentiate(
     steps: &mut DVector<f64>,
 ) -> Result<Option<Derivatives>> {
     for _ in 0..12 {
-        let values = evaluate(density, &stencil_points(centre, steps))?;
+        let values = evaluate(density, &stencil_points(centre, steps), f64::NEG_INFINITY)?;
         if values.iter().all(|v| v.is_finite()) {
             return Ok(Some(derivatives(value, steps, &values)));
         }

@@ -103,6 +103,17 @@ impl CoordinateBox {
         }
     }
 
+    /// True if nothing remains to be built for the law at coordinates inside the box.
+    pub fn is_made(&self, values: &[f64]) -> bool {
+        match self.made.get() {
+            None => false,
+            Some(BoxContent::Halves { coordinate, at, halves }) => {
+                halves[usize::from(values[*coordinate] >= *at)].is_made(values)
+            }
+            Some(BoxContent::Smooth(_) | BoxContent::Rough) => true,
+        }
+    }
+
     /// Returns the content of the box. Every thread that needs the box helps to build it, and all threads get equal results.
     fn made(&self, bases: &[Basis], tolerance: f64, run: &Run<'_>) -> &BoxContent {
         if let Some(made) = self.made.get() {

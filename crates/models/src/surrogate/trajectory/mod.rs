@@ -47,8 +47,9 @@ const MOST_ROWS: usize = 20_000;
 /// Largest absolute value of a coordinate of the law, which is a logarithm. No experiment has times beyond e¹⁶ s.
 const LONGEST_LN_S: f64 = 16.0;
 
-/// Boxes, by the kind of the law and by the index of the box along every coordinate.
-type Charts = BTreeMap<(CoordinateKind, Vec<i32>), Arc<CoordinateBox>>;
+/// Kind of the law, and index of the box along every coordinate.
+type BoxKey = (CoordinateKind, Vec<i32>);
+type Charts = BTreeMap<BoxKey, Arc<CoordinateBox>>;
 
 /// Reduced model of nonlinear laws that trains boxes of trajectories for one record and reuses them.
 #[derive(Debug)]
@@ -79,6 +80,33 @@ impl CachedStepper {
         }
     }
 
+    /// Returns the place of a law among the boxes; `None` if it has none, so that the stepper must compute its trajectory.
+    fn place(&self, stages: &Stages, compliance_per_m: f64) -> Option<BoxPlace> {
+        let [largest_n, impulse_n_s] = self.force_and_impulse;
+        if largest_n == 0.0 {
+            return None;
+        }
+        let sizes = CoordinateSizes { force_n: largest_n, impulse_n_s, compliance_per_m };
+        let law = CoordinatePlace::of(stages, sizes)?;
+        let bases = bases_of(law.coordinates.len())?;
+        let values: Vec<f64> = law.coordinates.iter().map(|x| x.value).collect();
+        let (widths, ends) = widths(&law.kind);
+        let (last, of_law) = values.split_last()?;
+        if !(ends[0]..=ends[1]).contains(last) || of_law.iter().any(|x| x.abs() > LONGEST_LN_S) {
+            return None;
+        }
+        let k_last = values.len() - 1;
+        let origin: Vec<f64> = (0..=k_last).map(|k| if k == k_last { ends[0] } else { 0.0 }).collect();
+        let number = |k: usize| ((values[k] - origin[k]) / widths[k]).floor();
+        // A point at the upper end of the last coordinate belongs to the last box.
+        let n_last = ((ends[1] - ends[0]) / widths[k_last]).round();
+        let cell: Vec<f64> =
+            (0..=k_last).map(|k| if k == k_last { number(k).min(n_last - 1.0) } else { number(k) }).collect();
+        let end = |shift: f64| (0..=k_last).map(|k| origin[k] + (cell[k] + shift) * widths[k]).collect();
+        let key = (law.kind.clone(), cell.iter().map(|number| *number as i32).collect::<Vec<i32>>());
+        Some(BoxPlace { sizes, ends: [end(0.0), end(1.0)], law, values, bases, key })
+    }
+
     /// Returns the trained excess (m) over the linear law's position at every row; `None` if the stepper must compute this excess.
     fn learnt<N: Scalar>(
         &self,
@@ -92,20 +120,12 @@ impl CachedStepper {
         let is_own = n_rows <= MOST_ROWS
             && self.time_s.get(..n_rows) == Some(time_s)
             && self.force.get().first(force.at_rows_n.len()) == force;
-        let [largest_n, impulse_n_s] = self.force_and_impulse;
-        if !is_own || largest_n == 0.0 {
+        if !is_own {
             return None;
         }
-        let sizes = CoordinateSizes { force_n: largest_n, impulse_n_s, compliance_per_m };
-        let CoordinatePlace { kind, coordinates, modulus_pa } = CoordinatePlace::of(stages, sizes)?;
-        let bases = bases_of(coordinates.len())?;
-        let values: Vec<f64> = coordinates.iter().map(|x| x.value).collect();
-        let (widths, ends) = widths(&kind);
-        let (last, of_law) = values.split_last()?;
-        if !(ends[0]..=ends[1]).contains(last) || of_law.iter().any(|x| x.abs() > LONGEST_LN_S) {
-            return None;
-        }
-        let chart = self.chart(kind.clone(), &values, &widths, ends);
+        let BoxPlace { sizes, ends, law, values, bases, key } = self.place(stages, compliance_per_m)?;
+        let CoordinatePlace { kind, coordinates, modulus_pa } = law;
+        let chart = self.chart(key, ends);
         // The trained quantity is the excess divided by the distance from the linear law, so that the excess vanishes exactly for
         // a linear law.
         let run = |coordinates: &[f64]| {
@@ -121,22 +141,25 @@ impl CachedStepper {
         Some(surface.excess_m(bases, &place, factor, n_rows))
     }
 
-    fn chart(&self, kind: CoordinateKind, values: &[f64], widths: &[f64], ends: [f64; 2]) -> Arc<CoordinateBox> {
-        let last = values.len() - 1;
-        let origin = |k: usize| if k == last { ends[0] } else { 0.0 };
-        let number = |k: usize| ((values[k] - origin(k)) / widths[k]).floor();
-        // A point at the upper end of the last coordinate belongs to the last box.
-        let n_last = ((ends[1] - ends[0]) / widths[last]).round();
-        let cell: Vec<f64> =
-            (0..=last).map(|k| if k == last { number(k).min(n_last - 1.0) } else { number(k) }).collect();
-        let key = (kind, cell.iter().map(|number| *number as i32).collect::<Vec<i32>>());
+    fn chart(&self, key: BoxKey, [lower, upper]: [Vec<f64>; 2]) -> Arc<CoordinateBox> {
         if let Some(chart) = self.charts.read().unwrap_or_else(PoisonError::into_inner).get(&key) {
             return chart.clone();
         }
-        let end = |shift: f64| (0..=last).map(|k| origin(k) + (cell[k] + shift) * widths[k]).collect();
         let mut charts = self.charts.write().unwrap_or_else(PoisonError::into_inner);
-        charts.entry(key).or_insert_with(|| Arc::new(CoordinateBox::new(end(0.0), end(1.0)))).clone()
+        charts.entry(key).or_insert_with(|| Arc::new(CoordinateBox::new(lower, upper))).clone()
     }
+}
+
+/// Place of a law among the boxes.
+struct BoxPlace {
+    sizes: CoordinateSizes,
+    /// Lower and upper ends of the box.
+    ends: [Vec<f64>; 2],
+    law: CoordinatePlace,
+    /// Values of the law's coordinates.
+    values: Vec<f64>,
+    bases: &'static [Basis],
+    key: BoxKey,
 }
 
 impl FieldStepper for CachedStepper {
@@ -158,6 +181,13 @@ impl FieldStepper for CachedStepper {
             Some(excess_m) => Ok(excess_m),
             None => self.stepper.0.excess_dual_m(stages, compliance_per_m, time_s, force),
         }
+    }
+
+    fn untrained(&self, stages: &Stages, compliance_per_m: f64) -> Option<SharedStepper> {
+        let BoxPlace { key, values, .. } = self.place(stages, compliance_per_m)?;
+        let charts = self.charts.read().unwrap_or_else(PoisonError::into_inner);
+        let is_made = charts.get(&key).is_some_and(|chart| chart.is_made(&values));
+        (!is_made).then(|| self.stepper.clone())
     }
 }
 

@@ -6,7 +6,7 @@ use elements::fe::Stiffness;
 use elements::fe::spatial::{GelAndRobot, PhysicalProperties as BodySizes};
 use elements::mesh::QuarterBall;
 use laws::rheology::BaseLaw;
-use laws::stages::{Nonlinearity, YIELD_SMOOTHING};
+use laws::stages::{Nonlinearity, ReducedField, YIELD_SMOOTHING};
 use rayon::prelude::*;
 
 const FAMILIES: [NonlinearFamily; 3] =
@@ -94,6 +94,22 @@ fn steppers_only_scale_with_the_modulus() {
         println!("{:?}: {:e}", FAMILIES[which], worst / largest(&one));
         assert!(worst < 1e-7 * largest(&one), "{:?}: {worst:e} of {:e}", FAMILIES[which], largest(&one));
     }
+}
+
+/// A stepper offers one without training until the box of a law is built, and for no law without a box.
+#[test]
+fn laws_in_boxes_that_are_built_need_no_training() {
+    let (time_s, force_n) = record();
+    let local = local(1);
+    let [near, beside, linear] = [0.75, 0.35, 1.2].map(|index| stages(1, PORCINE.map(Dual::constant), index.into()));
+    let is_offered = |stages: &Stages| local.untrained(stages, COMPLIANCE_PER_M).is_some();
+    assert!(is_offered(&near) && is_offered(&beside) && !is_offered(&linear));
+    let trained = local.excess_m(&near, COMPLIANCE_PER_M, &time_s, (&force_n).into()).expect("it moves");
+    assert!(!is_offered(&near) && is_offered(&beside));
+    let mut direct = beside;
+    direct.spread = Some(ReducedField::Stepped(SharedStepper(Arc::new(local))));
+    assert!(direct.avoid_training(COMPLIANCE_PER_M) && !direct.avoid_training(COMPLIANCE_PER_M));
+    assert!(largest(&trained) > 0.0);
 }
 
 /// Compares trained trajectories with the stepper at points that were not used for training, to the tolerance of the boxes. The
