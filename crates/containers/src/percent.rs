@@ -56,8 +56,10 @@ fn percent_styles(text: &str) -> BTreeSet<usize> {
         let id = attribute(element, "numFmtId").and_then(|id| id.parse::<u32>().ok());
         match element.local_name().as_ref() {
             "numFmt" => {
-                // A percent sign between quotation marks or behind a backslash is text.
-                let code = attribute(element, "formatCode").unwrap_or_default().replace("\\%", "");
+                // A percent sign between quotation marks or behind a backslash is text. Behind `_` and `*` it is a blank or a fill character.
+                let code = ["\\%", "_%", "*%"]
+                    .iter()
+                    .fold(attribute(element, "formatCode").unwrap_or_default(), |code, text| code.replace(text, ""));
                 if code.split('"').step_by(2).any(|part| part.contains('%')) {
                     formats.extend(id);
                 }
@@ -104,9 +106,9 @@ mod tests {
 
     #[test]
     fn styles_of_percent_are_those_of_their_formats() {
-        let text = r#"<styleSheet><numFmts count="3"><numFmt numFmtId="164" formatCode="0.000%"/><numFmt numFmtId="165" formatCode="0.0&quot;%&quot;"/>
+        let text = r#"<styleSheet><numFmts count="4"><numFmt numFmtId="167" formatCode="0.00_%"/><numFmt numFmtId="164" formatCode="0.000%"/><numFmt numFmtId="165" formatCode="0.0&quot;%&quot;"/>
             <numFmt numFmtId="166" formatCode="0\%"/></numFmts><cellStyleXfs><xf numFmtId="10"/></cellStyleXfs>
-            <cellXfs><xf numFmtId="0"/><xf numFmtId="10"/><xf numFmtId="164"><alignment/></xf><xf numFmtId="165"/><xf numFmtId="9"/><xf numFmtId="166"/></cellXfs></styleSheet>"#;
+            <cellXfs><xf numFmtId="0"/><xf numFmtId="10"/><xf numFmtId="164"><alignment/></xf><xf numFmtId="165"/><xf numFmtId="9"/><xf numFmtId="166"/><xf numFmtId="167"/></cellXfs></styleSheet>"#;
         assert_eq!(percent_styles(text), BTreeSet::from([1, 2, 4]));
         assert!(percent_styles("<styleSheet><cellXfs><xf").is_empty());
     }

@@ -437,16 +437,18 @@ impl Report<'_> {
                 short(left / self.left.noise_m),
             );
         }
-        if let Some(pattern) = self.pattern.as_ref().filter(|pattern| pattern.share_of_noise >= LARGE_PATTERN) {
+        let has_gains = rmse_um >= WORTH_SAYING * 1e6 * left;
+        if let Some(pattern) =
+            self.pattern.as_ref().filter(|pattern| pattern.share_of_noise >= LARGE_PATTERN && !has_gains)
+        {
             return format!(
-                "An effect may be missing: {}. No effect is certain, because slow noise or a drift of the instrument would look the same. The parameters have absorbed a part of it. The model's error is {} µm on the {rows} (noise {}).{}{hint}",
+                "An effect may be missing: {}. No effect of the library is established: slow noise or a drift of the instrument would look the same. The parameters have absorbed a part of it. The model's error is {} µm on the {rows} (noise {}).{}{hint}",
                 pattern.words(),
                 short(rmse_um),
                 self.noise_words(),
                 self.unknown_noise(),
             );
         }
-        let has_gains = rmse_um >= WORTH_SAYING * 1e6 * left;
         let shows = match (&self.pattern, has_gains) {
             (None, false) => "This experiment shows no missing effect",
             (Some(_), false) => "This experiment shows no missing effect of a size that matters for predictions",

@@ -50,9 +50,10 @@ impl Refitted {
         let fitted = subject.fit(&candidate, &starts, search)?;
         debug_assert!(
             contained.iter().all(|smaller| fitted.objective >= smaller.fitted.objective - 1e-6),
-            "a model fits no worse than one that it contains: {} against {:?}",
+            "a model with {:?} fits no worse than one that it contains: {} against {:?}",
+            candidate.effects,
             fitted.objective,
-            contained.iter().map(|smaller| smaller.fitted.objective).collect::<Vec<_>>()
+            contained.iter().map(|smaller| (&smaller.candidate.effects, smaller.fitted.objective)).collect::<Vec<_>>()
         );
         Self::at(subject, candidate, fitted)
     }

@@ -24,7 +24,7 @@ use self::refusals::{
 pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
-use self::stress::{StressStrain, strain_of_specimen};
+use self::stress::{StressStrain, says_relaxation, strain_of_specimen};
 use self::sweep::describe_sweep;
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -144,7 +144,8 @@ fn one(
         }
     };
     let constant = device.stress_strain().and_then(|creep| creep.constant);
-    let is_held_strain = device.stress_strain().is_some() && proposal.holds_as_written;
+    let is_held_strain = device.stress_strain().is_some()
+        && (proposal.holds_as_written || proposal.is_steadier && looked.as_ref().is_some_and(says_relaxation));
     let likely = if is_held_strain { Control::Position } else { proposal.control };
     let control = request.control.or(constant).unwrap_or(likely);
     refuse_without_motion(place, &proposal, device.stress_strain())?;

@@ -12,20 +12,10 @@ use record::table::{InspectedTable, TableSettings, bracketed, columns_beside, fa
 const STRESS: [&str; 9] =
     ["stress", "spannung", "contrainte", "esfuerzo", "sforzo", "tensão", "напряжение", "応力", "应力"];
 /// Words by which the strain column is recognised.
-pub(super) const STRAIN: [&str; 12] = [
-    "strain",
-    "deform",
-    "dehnung",
-    "stauchung",
-    "elongation",
-    "élongation",
-    "allongement",
-    "déform",
-    "деформация",
-    "ひずみ",
-    "歪み",
-    "应变",
-];
+pub(super) const STRAIN: [&str; 9] =
+    ["strain", "deform", "dehnung", "stauchung", "déform", "деформация", "ひずみ", "歪み", "应变"];
+/// Words of strains, in tables without a column that is called by [`STRAIN`].
+const ELONGATION: [&str; 3] = ["elongation", "élongation", "allongement"];
 /// Symbols of stresses and of strains, as whole names before the unit.
 const SYMBOLS: [[&str; 4]; 2] = [["τ", "σ", "tau", "sigma"], ["γ", "ε", "gamma", "epsilon"]];
 /// Words and symbols by which the column of a relaxation modulus is recognised.
@@ -88,13 +78,13 @@ pub(super) const UNIAXIAL: [&str; 11] = [
     "traction",
 ];
 /// Words of stresses and strains that name such a test, unless a column is of a rotation.
-const OF_LENGTH: [&str; 6] = ["engineering", "nominal", "true stress", "true strain", "dehnung", "stauchung"];
+const OF_LENGTH: [&str; 5] = ["engineering", "nominal", "true stress", "true strain", "stauchung"];
 /// Words in the names of columns of a rotating rheometer.
-pub(super) const ROTATION: [&str; 7] = ["torque", "shear", "rotation", "drehmoment", "scher", "schub", "cisail"];
+pub(super) const ROTATION: [&str; 7] = ["torque", "shear", "rotation", "drehmoment", "scher", "schubs", "cisail"];
 /// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
-pub(super) const MULTIAXIAL: [&str; 6] = ["biaxial", "triaxial", "shear", "scher", "schub", "cisail"];
+pub(super) const MULTIAXIAL: [&str; 6] = ["biaxial", "triaxial", "shear", "scher", "schubs", "cisail"];
 /// Words in the names of stresses and strains that are not those of the test: settings, statistics, other directions, and parts of another quantity.
 const BESIDE: [&str; 42] = [
     "normal",
@@ -193,6 +183,12 @@ fn said_above(looked: &InspectedTable) -> Option<String> {
     let said = preamble.uniaxial_line().map(|line| format!("a line above the table is `{line}`"));
     let gauge = || Some(format!("line {} states the gauge length of a specimen", preamble.length_m(&GAUGE)?.line));
     said.or_else(gauge)
+}
+
+/// True if a column or a line above the table names a relaxation.
+pub(super) fn says_relaxation(looked: &InspectedTable) -> bool {
+    let above = looked.preamble.iter().map(|(_, line)| line);
+    looked.columns.iter().chain(above).any(|text| called(text, &["relax", "step strain"], &[]))
 }
 
 /// The column of a quantity among those that are called so: the only one that is measured along the test and relative to the undeformed specimen, or the only one without
@@ -416,8 +412,18 @@ impl StressStrain {
                 None => beside.contains(place),
             })
         };
+        let has_unit = |dimension| looked.units.iter().flatten().any(|unit| unit.dimension == dimension);
+        let is_of_bead = has_unit(Dimension::Force) && has_unit(Dimension::Length);
+        let has_word = |words: &[&str]| looked.columns.iter().any(|name| called(name, words, &RATE));
+        let has_words = [has_word(&STRESS), has_word(&STRAIN)];
+        // Symbols and words of other quantities say what a column is only where no column says it in words.
+        let is_meant = |role: usize, name: &str| {
+            !is_of_bead
+                && !has_words[role - 1]
+                && (SYMBOLS[role - 1].contains(&symbol(name).as_str()) || role == 2 && called(name, &ELONGATION, &RATE))
+        };
         let is_called = |role: usize, name: &str, words: &[&str]| {
-            named(role).is_some() || called(name, words, &RATE) || SYMBOLS[role - 1].contains(&symbol(name).as_str())
+            named(role).is_some() || called(name, words, &RATE) || is_meant(role, name)
         };
         let stresses: Vec<(usize, f64)> = columns(1)
             .filter_map(|(place, (name, unit))| {
@@ -465,11 +471,12 @@ impl StressStrain {
                 None => return refuse_unknown_unit(looked, given).map(|()| None),
             },
         };
-        let rotates = looked.columns.iter().any(|name| called(name, &ROTATION, &[]));
+        let is_of_shear = |name: &String| ["τ", "tau", "γ", "gamma"].contains(&symbol(name).as_str());
+        let rotates = looked.columns.iter().any(|name| called(name, &ROTATION, &[]) || is_of_shear(name));
         let is_uniaxial = [stress.0, strain.0].into_iter().any(|place| {
             called(name(place), &UNIAXIAL, &MULTIAXIAL)
                 || !rotates && called(name(place), &OF_LENGTH, &MULTIAXIAL)
-                || ["ε", "epsilon"].contains(&symbol(name(place)).as_str())
+                || !rotates && ["ε", "epsilon"].contains(&symbol(name(place)).as_str())
                 || constant.is_some() && is_of_young(name(place))
         });
         let names = || [stress.0, strain.0].into_iter().map(name);
@@ -707,6 +714,8 @@ mod tests {
             ("Time (s),Biaxial stress (Pa),Strain (%)", 3.0),
             ("Zeit in s,Spannung in Pa,Stauchung in %", 1.0),
             ("Zeit in s,Schubspannung in Pa,Dehnung in %", 3.0),
+            ("t [s],τ [Pa],ε [%]", 3.0),
+            ("t [s],Shear stress [Pa],epsilon [%]", 3.0),
             ("Temps (s),Contrainte (Pa),Allongement (%)", 1.0),
             ("t [s],τ [Pa],γ [-]", 3.0),
             ("t in s,tau in Pa,gamma in -", 3.0),
@@ -741,7 +750,7 @@ mod tests {
         assert!((found.compliance - 2.96).abs() < 1e-12);
         let plain = creep("Zeit in s,Dehnung,Spannung in Pa", None).expect("a creep");
         assert_eq!(plain.given.units, [None, Some("N".into()), Some("m".into())]);
-        assert_eq!(plain.compliance, 1.0);
+        assert_eq!(plain.compliance, 3.0);
     }
 
     /// Units on the command line say what the columns are. Without names of stress and strain, the columns are given, too.
@@ -763,9 +772,12 @@ mod tests {
 
     #[test]
     fn other_tables_are_none() {
-        for header in
-            ["Time [s],Position [um],Force [uN]", "Time [s],Strain rate [%],Stress [Pa]", "t_s,strain_um,stress_Pa"]
-        {
+        for header in [
+            "Time [s],Position [um],Force [uN]",
+            "Time [s],Strain rate [%],Stress [Pa]",
+            "t_s,strain_um,stress_Pa",
+            "t_s,F_uN,x_um,sigma (Pa),epsilon",
+        ] {
             assert_eq!(creep(header, None), None, "{header}");
         }
     }

@@ -417,7 +417,8 @@ impl LogDensity for ReducedPosterior<'_> {
         let n = log_density.len();
         let mut coarse = vec![false; n];
         self.fill_unconstrained(points, log_density, Some(&mut coarse));
-        let is_rejected = |i: usize| log_density[i] < floors[i] - COARSE_NATS;
+        // Where the direct stepper fails, a trained trajectory may exist.
+        let is_rejected = |i: usize| log_density[i].is_finite() && log_density[i] < floors[i] - COARSE_NATS;
         let wanted: Vec<usize> = (0..n).filter(|i| coarse[*i] && !is_rejected(*i)).collect();
         let of_wanted = |d: usize| wanted.iter().map(move |i| points[d * n + i]);
         let points: Vec<f64> = (0..self.dimension()).flat_map(of_wanted).collect();

@@ -62,7 +62,9 @@ pub fn starts(model: &PreparedModel, seed: u64) -> Result<Vec<Vec<f64>>> {
         natural
     };
     let mut naturals: Vec<Vec<f64>> = (0..n_starts).map(start).collect();
-    if let [name] = &of_effects[..] {
+    if let [name] = &of_effects[..]
+        && !best.is_empty()
+    {
         naturals = better_than_neighbours(model, name, naturals);
     }
     let unconstrained = |natural| problem.priors.to_unconstrained(&problem.priors.ordered(natural));

@@ -189,7 +189,8 @@ fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
         n_falling = if x < deepest_m - fall_m { n_falling + 1 } else { 0 };
         if n_falling == N_FALLING {
             let is_noisy = fall_m < 2.0 * FALL_SD * sd_m;
-            return if is_noisy { end_of_noisy_growth(&depths[..=place - N_FALLING], sd_m) } else { deepest + 1 };
+            let noisy = if is_noisy { end_of_noisy_growth(&depths[..=place - N_FALLING], sd_m) } else { 0 };
+            return noisy.max(deepest + 1);
         }
     }
     tip_m.len()

@@ -35,8 +35,10 @@ const DRIFT: f64 = 0.15;
 
 /// Largest part of the rows before a hold in which a commanded strain rises.
 const RISE: f64 = 0.1;
-/// Least standard deviation of a stress, as a part of its mean, beside a strain that is constant to the last digit.
+/// Least standard deviation of a stress that may be measured, as a part of its mean.
 const UNSTEADY: f64 = 0.01;
+/// Largest relative standard deviation of a commanded strain beside it, as a part of that of the stress.
+const STEADIER: f64 = 0.01;
 /// Least difference between the first and the last values of a decay, in standard errors.
 const DECAY_ERRORS: f64 = 5.0;
 /// Largest distance of a measured position that holds from its typical value, as a part of that value.
@@ -112,33 +114,50 @@ fn has_only_jumps(values: &[f64]) -> bool {
 }
 
 /// True if a strain as the table has it stays near one value without a trend, while the stress drifts by more than the strain varies: a relaxation whose measured strain counts
-/// from its first row is noise only. A few rows of its rise may stand before it. A coordinate of a bead has no zero of its own, so that this says nothing of it.
+/// from its first row is noise only. A few rows of its rise may come first. This is no test for a bead, whose coordinate has no zero of its own.
 pub(super) fn holds_as_written(force_n: &[f64], written_m: &[Option<f64>]) -> bool {
     let (force_n, known) = known_rows(force_n, written_m);
-    let Some(typical_m) = median(known.clone()) else { return false };
-    let is_near = |x: &f64| (x - typical_m).abs() < NEAR_MEAN * typical_m.abs();
-    let Some(n_rise) = known.iter().position(is_near).filter(|n| *n as f64 <= RISE * known.len() as f64) else {
-        return false;
-    };
+    let Some(n_rise) = rows_of_rise(&known) else { return false };
     let (known, force_n) = (&known[n_rise..], &force_n[n_rise..]);
-    let from_first: Vec<f64> = known.iter().map(|x| x - typical_m).collect();
-    let is_still = !has_trend(&changes(&from_first)) && correlation_with_row(known).abs() < 0.5 * ORDERED;
-    let is_drift = drifts(&changes(force_n)) || correlation_with_row(force_n).abs() > ORDERED || decays(force_n);
-    // No measured strain is constant to the last digit, and no commanded stress varies so much.
-    let is_exact = known.iter().all(|x| *x == known[0]) && relative_sd(force_n) > UNSTEADY;
-    known.iter().all(is_near)
-        && (is_exact || is_still && is_drift && relative_range(force_n) > MORE * relative_sd(known))
+    let is_still = !has_trend(&changes(known)) && correlation_with_row(known).abs() < 0.5 * ORDERED;
+    let is_drift = drifts(&changes(force_n)) || correlation_with_row(force_n).abs() > ORDERED;
+    // A stress that settles is larger at first, too. That of a relaxation falls on.
+    let is_fall = if n_rise > 0 { decays(force_n) } else { is_drift || decays(force_n) };
+    is_still && is_fall && relative_range(force_n) > MORE * relative_sd(known)
 }
 
-/// True if values begin with larger ones than they end, beyond the noise of neighbouring rows.
+/// True if a strain stays near one value after a few rows of its rise, and the stress varies far more: so the two are measured in a relaxation, but also in the creep of an
+/// elastic body under a force that is not steady.
+pub(super) fn is_steadier(force_n: &[f64], written_m: &[Option<f64>]) -> bool {
+    let (force_n, known) = known_rows(force_n, written_m);
+    rows_of_rise(&known).is_some_and(|n_rise| {
+        let [force, strain] = [&force_n[n_rise..], &known[n_rise..]].map(relative_sd);
+        force > UNSTEADY && strain < STEADIER * force
+    })
+}
+
+/// Number of rows before the strain is near its typical value, where it stays; `None` if they are many, or if it does not stay.
+fn rows_of_rise(known: &[f64]) -> Option<usize> {
+    let typical_m = median(known.to_vec())?;
+    let is_near = |x: &f64| (x - typical_m).abs() < NEAR_MEAN * typical_m.abs();
+    let n_rise = known.iter().position(is_near).filter(|n| *n as f64 <= RISE * known.len() as f64)?;
+    known[n_rise..].iter().all(is_near).then_some(n_rise)
+}
+
+/// True if the sizes of values fall from the first tenth to the second half, and still after the first fifth, beyond the noise of neighbouring rows.
 fn decays(values: &[f64]) -> bool {
-    let (n_first, n_last) = (values.len() / 10, values.len() / 2);
+    let sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
+    let n = sizes.len();
+    let steps = sizes.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let Some(step) = median(steps).filter(|_| n >= 10) else { return false };
+    let sd = SD_PER_MAD / 2.0_f64.sqrt() * step;
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-    let Some(step) = median(steps).filter(|_| n_first > 0) else { return false };
-    let error = SD_PER_MAD / 2.0_f64.sqrt() * step * (1.0 / n_first as f64 + 1.0 / n_last as f64).sqrt();
-    let [first, last] = [mean(&values[..n_first]), mean(&values[values.len() - n_last..])];
-    first / last > 1.0 && (first - last).abs() > DECAY_ERRORS * error
+    let last = &sizes[n / 2..];
+    let falls = |part: &[f64]| {
+        let error = sd * (1.0 / part.len() as f64 + 1.0 / last.len() as f64).sqrt();
+        mean(part) - mean(last) > DECAY_ERRORS * error
+    };
+    falls(&sizes[..n / 10]) && falls(&sizes[n / 5..n / 2])
 }
 
 /// Standard deviation of values as a part of their mean.

@@ -31,6 +31,8 @@ pub(crate) struct TimeChanges {
     pub n_rows_with_ties: usize,
     /// True if rows of equal time belong to several tracks.
     pub are_tracks: bool,
+    /// Number of rows that repeat time, force and position of the row before, if all rows of equal times do.
+    pub n_copies: usize,
 }
 
 impl TimeChanges {
@@ -92,13 +94,7 @@ pub(super) fn order_times(
             force_n[start - 1] = force_n[start];
         }
     }
-    if let Some(row) = first_copy(time_s, force_n, position_m) {
-        return Err(Error::input(
-            place(row),
-            format!("rows are repeated with all their values, first at the time {} s", time_s[row]),
-            "remove the repeated rows",
-        ));
-    }
+    ordered.n_copies = n_copies(time_s, force_n, position_m);
     if rules.spreads_ties {
         ordered.are_tracks = are_tracks(time_s, position_m, measured_n(force_n));
         ordered = ordered.with_ties_of(time_s);
@@ -116,15 +112,17 @@ pub(super) fn order_times(
     }
 }
 
-/// Index of the first row that repeats the row before it. `None` if the rows of an equal time differ, or if too few times are repeated, or if values change so rarely that rows
-/// may be equal by their digits.
-fn first_copy(time_s: &[f64], force_n: &[f64], position_m: &[Option<f64>]) -> Option<usize> {
+/// Number of rows that repeat time, force and position of the row before. 0 if the rows of an equal time differ, or if values change so rarely that rows may be equal by their
+/// digits.
+fn n_copies(time_s: &[f64], force_n: &[f64], position_m: &[Option<f64>]) -> usize {
     let is_tie = |row: &usize| time_s[*row] == time_s[*row - 1];
-    let is_equal = |row: &usize| force_n[*row] == force_n[*row - 1] && position_m[*row] == position_m[*row - 1];
+    let is_equal = |row: &usize| {
+        force_n[*row] == force_n[*row - 1] && position_m[*row].is_some() && position_m[*row] == position_m[*row - 1]
+    };
     let (ties, others): (Vec<usize>, Vec<usize>) = (1..time_s.len()).partition(is_tie);
     let n_changed = others.iter().filter(|row| !is_equal(row)).count();
-    let is_copied = ties.len() >= FEWEST_TIES && ties.iter().all(|row| is_equal(row)) && 2 * n_changed > others.len();
-    ties.first().copied().filter(|_| is_copied)
+    let is_copied = ties.iter().all(is_equal) && 2 * n_changed > others.len();
+    if is_copied { ties.len() } else { 0 }
 }
 
 /// Joins the runs of a clock that restarts by shifting their times (s). Returns the index of the first row of each new run.
@@ -320,21 +318,17 @@ mod tests {
 
     #[test]
     fn copies_of_rows_are_no_coarse_clock() {
-        let place = |row: usize| InputPlace::file("t.csv").at_line(row + 2);
-        let read = |position_m: &[Option<f64>]| {
-            let mut time_s: Vec<f64> = (0..40_usize).map(|row| (row / 2) as f64).collect();
-            let rows = TimeRows { time_s: &mut time_s, force_n: &mut [1.0; 40], position_m, is_force_measured: false };
-            order_times(&place, TimeRules { spreads_ties: true, ..TimeRules::default() }, &[0], rows)
-        };
+        let time_s: Vec<f64> = (0..40_usize).map(|row| (row / 2) as f64).collect();
         let copied: Vec<Option<f64>> = (0..40_usize).map(|row| Some((row / 2) as f64)).collect();
-        let refused = read(&copied).unwrap_err().to_string();
-        assert!(refused.contains("line 3") && refused.contains("repeated with all their values"), "{refused}");
-        // A body that rests most of the time has equal rows by its digits.
+        assert_eq!(n_copies(&time_s, &[1.0; 40], &copied), 20);
+        // A body that rests most of the time has equal rows by its digits, and lost positions are no copies.
         let resting: Vec<Option<f64>> = (0..40_usize).map(|row| Some((row / 10) as f64)).collect();
-        assert!(read(&resting).is_ok());
-        let mut moving = copied;
-        moving[7] = Some(3.1);
-        assert!(read(&moving).is_ok());
+        assert_eq!(n_copies(&time_s, &[1.0; 40], &resting), 0);
+        for other in [None, Some(3.1)] {
+            let mut moving = copied.clone();
+            (moving[6], moving[7]) = (other, None);
+            assert_eq!(n_copies(&time_s, &[1.0; 40], &moving), 0);
+        }
     }
 
     /// Times of four digits are coarse only after 1,000 s: rows every 0.6 s then have a step of 1 s. A repeated row is no coarse clock.

@@ -14,7 +14,7 @@ use super::spelling::{
     ParsedUnit, clock_s, counted, hours_minutes_s, is_date_time, is_hours_minutes, split_unit, unit,
 };
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
-use crate::control::{Control, answers_after_jumps, holds_as_written, nothing_holds};
+use crate::control::{Control, answers_after_jumps, holds_as_written, is_steadier, nothing_holds};
 use crate::force::has_noisy_levels;
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
@@ -54,6 +54,8 @@ pub struct TableProposal {
     pub control: Control,
     /// True if the position as written stays near one value while the force drifts by more, which shows a relaxation if the position has a zero of its own, as a strain has.
     pub holds_as_written: bool,
+    /// True if the position stays near one value in nearly all rows, while the force varies far more.
+    pub is_steadier: bool,
     /// True if neither force nor position holds for most of the time, so that the commanded quantity is hard to tell.
     pub nothing_holds: bool,
     /// Names of all columns; empty without a header.
@@ -266,6 +268,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     };
     let jumps_at_once = first_change_m > 0.0 && first_change_m >= 0.5 * range_m;
     let holds_as_written = holds_as_written(&trajectory.force_n, &trajectory.position_m);
+    let is_steadier = is_steadier(&trajectory.force_n, &trajectory.position_m);
     let frame = match idle {
         Some(_) => Frame::default(),
         None => frame(&trajectory, description.force.is_some(), &mut reasons),
@@ -308,6 +311,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         has_noisy_levels,
         control,
         holds_as_written,
+        is_steadier,
     })
 }
 
@@ -798,6 +802,14 @@ impl DescribedFile<'_> {
                 reasons.push(format!(
                     "the clock restarts {} times and is assumed to continue from the previous row (time_restarts = \"join\")",
                     restarts.len()
+                ));
+            }
+            let n_copies = trajectory.ordered.n_copies;
+            if n_copies > 0 && !told.spreads_ties {
+                return Err(Error::input(
+                    InputPlace::file(self.file),
+                    format!("time, force and position are repeated in {n_copies} rows"),
+                    format!("remove the repeated rows; if the clock is coarse, use `{} spread`", Setting::TimeTies),
                 ));
             }
             let is_coarse = trajectory.ordered.is_coarse();
@@ -1365,7 +1377,7 @@ mod tests {
         let of_force = b"t_s,Fx (uN),Fy (uN),x (um),y (um)\n0,1,0,0,0\n1,1,1,3,4\n2,1,1,6,8\n";
         let read = |given: &TableSettings| propose(Path::new("t.csv"), of_force, given, &mut |_| None);
         let refused = read(&TableSettings::default()).unwrap_err().to_string();
-        assert!(refused.contains("`Fx (uN)` and `Fy (uN)` are components of one force"), "{refused}");
+        assert!(refused.contains("`Fx (uN)` is one component of a force"), "{refused}");
         let columns = [None, Some("Fx (uN)".into()), None, None];
         assert!(read(&TableSettings { columns, ..TableSettings::default() }).is_ok());
         let text = "t_s,F_uN,x (um),y (um)\n0,1,0,500.25\n1,1,3,504\n2,1,6,508\n";

@@ -369,13 +369,28 @@ impl KnownColumns<'_> {
                 return Ok(ColumnMatch::Axes(axes));
             }
         }
+        let is_component = |at: &&usize| {
+            let stem = split_unit(&header.names[**at]).0.trim_end().to_lowercase();
+            let has_word = stem.split(|c: char| !c.is_alphanumeric()).any(|word| word == "x");
+            (has_word || stem.ends_with('x') && !stem.ends_with("max"))
+                && ['y', 'z'].into_iter().any(|letter| self.partner(**at, letter, taken, &beside).is_some())
+        };
+        let moves_in_plane = || {
+            let is_position =
+                |at: &usize| fit(Role::Position, &header.names[*at], header.units[*at].as_ref()).is_some();
+            beside.iter().any(|at| is_position(at) && self.partner(*at, 'y', taken, &beside).is_some())
+        };
         if role == Role::Force
-            && let Some((x, y)) = best.iter().find_map(|at| Some((*at, self.partner(*at, 'y', taken, &beside)?)))
+            && let Some(x) = best.iter().find(is_component)
+            && moves_in_plane()
         {
-            let (file, names) = (self.file.display(), &header.names);
             return Err(Error::input(
                 InputPlace::setting(setting),
-                format!("{file}: `{}` and `{}` are components of one force", names[x], names[y]),
+                format!(
+                    "{}: `{}` is one component of a force, and the body moves in a plane",
+                    self.file.display(),
+                    header.names[*x]
+                ),
                 format!(
                     "add a column of the force along the motion, with its sign, and name it with `{setting}`; if only one component acts, name that one"
                 ),

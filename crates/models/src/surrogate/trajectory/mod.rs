@@ -184,6 +184,9 @@ impl FieldStepper for CachedStepper {
     }
 
     fn untrained(&self, stages: &Stages, compliance_per_m: f64) -> Option<SharedStepper> {
+        if self.time_s.len() > MOST_ROWS {
+            return None;
+        }
         let BoxPlace { key, values, .. } = self.place(stages, compliance_per_m)?;
         let charts = self.charts.read().unwrap_or_else(PoisonError::into_inner);
         let is_made = charts.get(&key).is_some_and(|chart| chart.is_made(&values));
