@@ -148,6 +148,13 @@ fn one(
         && (proposal.holds_as_written || proposal.is_steadier && looked.as_ref().is_some_and(says_relaxation));
     let likely = if is_held_strain { Control::Position } else { proposal.control };
     let control = request.control.or(constant).unwrap_or(likely);
+    let is_assumed = request.control.is_none() && constant.is_none() && control == Control::Force;
+    if is_assumed && device.stress_strain().is_some() && proposal.is_steadier {
+        proposal.reasons.push(format!(
+            "the strain stays near one value, while the stress varies more: if the strain was commanded, give `{} relaxation`",
+            Setting::Kind
+        ));
+    }
     refuse_without_motion(place, &proposal, device.stress_strain())?;
     if device.is_tip() && control == Control::Position {
         return Err(refuse_relaxation_of_tip(place));
