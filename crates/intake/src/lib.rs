@@ -19,7 +19,7 @@ use self::preamble::Preamble;
 use self::refusals::{
     refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow,
     refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip,
-    refuse_several_columns, refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
+    refuse_several_columns, refuse_two_clocks, refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
@@ -105,6 +105,9 @@ fn one(
         Some(looked) => StressStrain::of(looked, &request.known_columns, request.sizes[2])?,
         None => None,
     };
+    if let Some(looked) = looked.as_ref().filter(|_| creep.is_some()) {
+        refuse_two_clocks(place, &request.known_columns, looked)?;
+    }
     if creep.is_none()
         && let Some(looked) = &looked
     {
