@@ -8,7 +8,7 @@ use quick_xml::events::{BytesStart, Event};
 /// Built-in formats of percent (ECMA-376, part 1, 18.8.30).
 const BUILT_IN: [u32; 2] = [9, 10];
 
-/// References, such as `B7`, of the cells of each sheet whose format has a percent sign. Empty if the workbook has none, or cannot be read.
+/// References, such as `B7`, of the cells whose format has a percent sign, by sheet. Sheets without such cells, and workbooks that cannot be read, have no entry.
 pub fn percent_cells(bytes: &[u8]) -> BTreeMap<String, BTreeSet<String>> {
     let part = |name: &str| {
         let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).ok()?;
@@ -44,7 +44,9 @@ pub fn percent_cells(bytes: &[u8]) -> BTreeMap<String, BTreeSet<String>> {
                 cells.extend(attribute(cell, "r"));
             }
         });
-        found.insert(name, cells);
+        if !cells.is_empty() {
+            found.insert(name, cells);
+        }
     });
     found
 }

@@ -99,7 +99,7 @@ fn reference(row: u32, column: u32) -> String {
 }
 
 /// Reads the cells of a sheet one by one. A table of all cells would take terabytes if a single cell stands in the last row and column. Columns of numbers that are all shown
-/// in percent hold what is shown.
+/// in percent get the numbers that the sheet shows.
 fn excel_sheet(
     workbook: &mut Xlsx<Cursor<&[u8]>>,
     name: &str,

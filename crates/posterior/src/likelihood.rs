@@ -157,7 +157,7 @@ impl<'a> ReducedPosterior<'a> {
     }
 
     /// Computes the log density of a batch: −∞ outside the trained ranges, otherwise prior plus likelihood. `natural(d, out)` writes the values of sampled parameter d
-    /// at all points into `out`. `add_prior` adds the log prior. With `coarse`, no trajectories are trained, and the points that need it are marked.
+    /// at all points into `out`. `add_prior` adds the log prior. If `coarse` is given, the function trains no trajectories, and marks the points that would need them.
     fn fill(
         &self,
         log_density: &mut [f64],

@@ -1,4 +1,4 @@
-//! Tests of log densities that need be right above a floor only.
+//! Tests of log densities that may be coarse below a floor.
 
 use super::*;
 use base::error::InputPlace;
@@ -8,7 +8,7 @@ use record::CharacteristicSizes;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering as Memory};
 
-/// Stepper without excess that counts its calls. Its untrained stepper answers the same, and counts none.
+/// Stepper without excess that counts its calls. Its untrained stepper gives the same result and does not count.
 #[derive(Debug, Default)]
 struct Counting {
     calls: AtomicUsize,

@@ -33,8 +33,8 @@ const START_STREAM: u64 = u64::MAX / 2;
 /// Returns the starts of the search, in the sampler's coordinates. They are drawn from the priors.
 ///
 /// For a nonlinear law only the effect's parameters are drawn. Climbs from anywhere in the priors would train the trajectories of laws far from the record, which takes
-/// minutes. The other parameters have their best values beside those of the effect, by least squares; of several values of one parameter of an effect, those that fit better
-/// than their neighbours are starts.
+/// minutes. Least squares moves the other parameters to their best values beside those of the effect. If the effect has one parameter, only the values that fit better than
+/// their neighbours are starts.
 ///
 /// # Errors
 /// [`base::Error::Numerical`] when a log density is +∞.

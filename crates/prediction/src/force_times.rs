@@ -1,4 +1,4 @@
-//! Times that a force asks of a gel: its longest hold, and its fastest turn.
+//! Times of a force: its longest hold and its fastest turn.
 
 /// Longest time (s) after the first load in which the force stays within `least_n` (N) of its value at the begin of that time.
 pub(crate) fn longest_hold_s(time_s: &[f64], force_n: &[f64], least_n: f64) -> f64 {
