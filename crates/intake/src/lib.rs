@@ -19,7 +19,7 @@ use self::preamble::Preamble;
 use self::refusals::{
     refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow,
     refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip,
-    refuse_several_columns, refuse_two_clocks, refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
+    refuse_several_columns, refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
@@ -35,7 +35,7 @@ use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
     inspect_tables, propose, tracks,
 };
-use record::{Control, Direction, OscillationRecord, sweep_columns};
+use record::{Control, Direction, OscillationRecord, Restarts, sweep_columns};
 
 /// Reads the table, asks the user for missing information, and writes the experiment with a copy of the table. Returns the interpretation of the table
 /// and the table's hash.
@@ -105,9 +105,6 @@ fn one(
         Some(looked) => StressStrain::of(looked, &request.known_columns, request.sizes[2])?,
         None => None,
     };
-    if let Some(looked) = looked.as_ref().filter(|_| creep.is_some()) {
-        refuse_two_clocks(place, &request.known_columns, looked)?;
-    }
     if creep.is_none()
         && let Some(looked) = &looked
     {
@@ -121,7 +118,11 @@ fn one(
         _ => None,
     };
     let given = creep.as_ref().map(|creep| &creep.given).or(strain_of_specimen.as_ref());
-    let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
+    let given = given.unwrap_or(&request.known_columns);
+    let mut proposal = propose(place, bytes, given, ask)?;
+    if let (Some(looked), Some(_)) = (&looked, &creep) {
+        proposal = by_clock_of_step(place, bytes, given, looked, proposal, ask)?;
+    }
     if strain_of_specimen.is_some() {
         proposal.reasons.retain(|reason| !reason.contains("although the table says"));
         proposal.reasons.push("the position is the strain times the length of the specimen".into());
@@ -161,6 +162,11 @@ fn one(
     refuse_without_motion(place, &proposal, device.stress_strain())?;
     if device.is_tip() && control == Control::Position {
         return Err(refuse_relaxation_of_tip(place));
+    }
+    if device.is_tip() && request.load_start.is_some() {
+        let (found, remedy) =
+            ("a tip loads the gel from its contact on", "leave the option out, and export the approach with the hold");
+        return Err(Error::input(InputPlace::setting(Setting::LoadStart), found, remedy));
     }
     let start = Start::of(place, &proposal, &device, control)?;
     if is_stretch(&proposal, device.stress_strain()) {
@@ -253,6 +259,47 @@ fn one(
         rows_without_position: proposal.n_lost,
         unknown,
     })
+}
+
+/// Names of a clock that counts from the begin of each step of a test.
+const OF_STEP: [&str; 6] = ["t_seg", "interval time", "segment time", "step time", "action time", "time (action)"];
+
+/// The proposal for a record of stress and strain with the times of a clock that counts from each step, if the table has one and the user gives no other rule for times: a
+/// rheometer writes the first row of a step one interval after its begin. The tables that are read stay the same.
+fn by_clock_of_step(
+    place: &Path,
+    bytes: &[u8],
+    given: &TableSettings,
+    looked: &InspectedTable,
+    proposal: TableProposal,
+    ask: Ask<'_>,
+) -> Result<TableProposal> {
+    let is_of_step = |name: &&String| OF_STEP.iter().any(|word| name.to_lowercase().starts_with(word));
+    let Some(clock) = looked.columns.iter().find(is_of_step) else { return Ok(proposal) };
+    if given.columns[0].is_some() || given.time_restarts.is_some() {
+        return Ok(proposal);
+    }
+    let tables = inspect_tables(place, bytes)?;
+    let is_read = |table: &InspectedTable| {
+        let [first, last] =
+            [table.layout.first_row_line, table.layout.row_lines.last().map_or(usize::MAX, |lines| lines[1])];
+        let lines = &proposal.description.layout.row_lines;
+        lines.is_empty() || lines.iter().any(|part| part[0] <= last && part[1] >= first)
+    };
+    let numbers = tables.iter().enumerate().filter(|(_, table)| is_read(table)).map(|(at, _)| (at + 1).to_string());
+    let mut by_step = given.clone();
+    by_step.columns[0] = Some(clock.clone());
+    by_step.time_restarts = Some(Restarts::Step.name().into());
+    by_step.tables = (tables.len() > 1).then(|| numbers.collect::<Vec<_>>().join(","));
+    let mut by_step = propose(place, bytes, &by_step, ask)?;
+    if by_step.n_restarts == 0 {
+        by_step.description.time_rules.restarts = None;
+    } else {
+        by_step.reasons.push(format!(
+            "`{clock}` counts from the begin of each step, and the stress of a step acts since then (time_restarts = \"step\")"
+        ));
+    }
+    Ok(by_step)
 }
 
 /// Value of the table setting that joins all tables of a file.

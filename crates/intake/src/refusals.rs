@@ -266,17 +266,6 @@ pub(super) fn refuse_flow_curve(place: &Path, given: &TableSettings, looked: &In
     ))
 }
 
-/// Refuses a table with a clock of its segment beside that of the whole test, unless the user names one: only the clock of the segment counts from the load.
-pub(super) fn refuse_two_clocks(place: &Path, given: &TableSettings, looked: &InspectedTable) -> Result<()> {
-    let of_segment = looked.columns.iter().find(|name| name.to_lowercase().starts_with("t_seg"));
-    let Some(name) = of_segment.filter(|_| given.columns[0].is_none()) else { return Ok(()) };
-    Err(Error::input(
-        InputPlace::file(place),
-        format!("the table has two clocks, and `{name}` counts from the begin of its segment"),
-        format!("for a single segment give `{} \"{name}\"`, otherwise name the other clock", Setting::TimeColumn),
-    ))
-}
-
 /// Refuses the axial force and the gap of a rotating rheometer, whose test is one of torque and angle, unless the user names the columns.
 pub(super) fn refuse_gap_of_rheometer(place: &Path, given: &TableSettings, proposal: &TableProposal) -> Result<()> {
     let is_word =

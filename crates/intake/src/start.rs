@@ -54,6 +54,7 @@ const LATEST: f64 = 0.1;
 const SINCE_ZERO: &str = "the step began at 0, before the first row (load_start_s = 0)";
 const BEAD_SINCE_ZERO: &str = "a force acts in the first row, which is after time 0, and the body has moved before: the force is assumed to act since time 0 (load_start_s = 0); \
      correct that line if it began at another time";
+const WITH_FIRST_ROW: &str = "a force acts in the first row, which is after time 0, and is assumed to begin with it; if it began earlier, write when (load_start_s)";
 const STEP_JUST_BEFORE: &str = "the strain of the first row, at time 0, is that of the hold: the step is assumed to have begun just before it (load_start_s), \
      and the stress of this row is left out (left_out_s), because it depends on how the strain rises";
 const LOAD_JUST_BEFORE: &str = "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), \
@@ -107,6 +108,11 @@ impl Start {
             Some(own) if own.constant.is_some() && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0) => {
                 return begun(0.0, SINCE_ZERO);
             }
+            Some(_) if is_under_way && proposal.description.time.1.is_of_day() => {
+                let (why, when) =
+                    ("times of day do not show when it began", "-0.5` if it began 0.5 s before the first row");
+                return Err(unknown(place, why, when, control));
+            }
             Some(_) if leaves_out => return begun(-just_before_s, STEP_JUST_BEFORE),
             Some(_) if is_under_way => return begun(-just_before_s, LOAD_JUST_BEFORE),
             _ => {}
@@ -116,9 +122,11 @@ impl Start {
             return begun(0.0, if own.is_some() { SINCE_ZERO } else { BEAD_SINCE_ZERO });
         }
         if is_unknown(first_s, proposal, own, control) {
-            return Err(unknown(place, first_s, control));
+            let at = format!("at {} s, and the table does not show when it began", format_significant(first_s, 6));
+            return Err(unknown(place, &at, "0` if it began at time 0", control));
         }
-        Ok(known)
+        let is_assumed = first_s > 0.0 && control == Control::Force && !proposal.starts_fresh;
+        Ok(Self { reason: is_assumed.then_some(WITH_FIRST_ROW), ..known })
     }
 }
 
@@ -179,17 +187,15 @@ fn is_unknown(first_s: f64, proposal: &TableProposal, own: Option<&StressStrain>
     has_moved && first_s > LATE_INTERVALS * proposal.interval_s() && first_s <= proposal.duration_s
 }
 
-fn unknown(place: &Path, first_s: f64, control: Control) -> Error {
+/// A load in the first row, of which nothing shows when it began: `why` says so, and `when` ends an option that says when.
+fn unknown(place: &Path, why: &str, when: &str, control: Control) -> Error {
     let others = match control {
         Control::Force => format!("`{} first` if it began with the first row", Setting::LoadStart),
         Control::Position => "or give the time of the step".into(),
     };
     Error::input(
         InputPlace::file(place),
-        format!(
-            "a load acts in the first row, at {} s, and the table does not show when it began",
-            format_significant(first_s, 6)
-        ),
-        format!("say when: `{} 0` if it began at time 0, {others}", Setting::LoadStart),
+        format!("a load acts in the first row, {why}"),
+        format!("say when: `{} {when}, {others}", Setting::LoadStart),
     )
 }

@@ -6,7 +6,7 @@ use super::request::InitRequest;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use record::Control;
-use record::table::{InspectedTable, TableSettings, bracketed, columns_beside, factor, split_unit, unit};
+use record::table::{InspectedTable, ParsedUnit, TableSettings, bracketed, columns_beside, factor, split_unit, unit};
 
 /// Words by which the stress column is recognised.
 const STRESS: [&str; 9] =
@@ -177,12 +177,25 @@ pub(super) fn called(name: &str, words: &[&str], others: &[&str]) -> bool {
     words.iter().any(contains) && !others.iter().any(contains)
 }
 
-/// Reason that a line above the table gives for tension, compression or bending.
-fn said_above(looked: &InspectedTable) -> Option<String> {
+/// Reason that a line above the table, or other columns, give for tension, compression or bending.
+fn said_beside(looked: &InspectedTable) -> Option<String> {
     let preamble = Preamble(&looked.preamble);
     let said = preamble.uniaxial_line().map(|line| format!("a line above the table is `{line}`"));
     let gauge = || Some(format!("line {} states the gauge length of a specimen", preamble.length_m(&GAUGE)?.line));
-    said.or_else(gauge)
+    said.or_else(gauge).or_else(|| measured_beside(looked))
+}
+
+/// Reason that a force and a displacement beside stress and strain give for tension or compression: a testing machine measures both, and a rheometer neither. `None` in a
+/// table of a rotation.
+fn measured_beside(looked: &InspectedTable) -> Option<String> {
+    let column = |dimension: Dimension, others: &[&str]| {
+        let mut columns = looked.columns.iter().zip(&looked.units);
+        let is_one = |unit: &Option<ParsedUnit>| unit.as_ref().is_some_and(|unit| unit.dimension == dimension);
+        columns.find(|(name, unit)| is_one(unit) && !called(name, others, &[])).map(|(name, _)| name)
+    };
+    let (force, length) = (column(Dimension::Force, &["normal"])?, column(Dimension::Length, &["gap", "spalt"])?);
+    let rotates = looked.columns.iter().any(|name| called(name, &ROTATION, &[]));
+    (!rotates).then(|| format!("`{force}` and `{length}` are columns of a testing machine"))
 }
 
 /// True if a column or a line above the table names a relaxation.
@@ -481,7 +494,7 @@ impl StressStrain {
         });
         let names = || [stress.0, strain.0].into_iter().map(name);
         let is_open = !is_uniaxial && constant.is_none() && !names().any(|name| called(name, &MULTIAXIAL, &[]));
-        let uniaxial_because = if is_open { said_above(looked) } else { None };
+        let uniaxial_because = if is_open { said_beside(looked) } else { None };
         let is_uniaxial = is_uniaxial || uniaxial_because.is_some();
         let has_stated = looked.units[strain.0].is_some() || told_strain.is_some() || constant.is_some();
         let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
@@ -569,7 +582,7 @@ impl StressStrain {
             Ok::<_, Error>(only.map(|(place, ())| (place + 1).to_string()))
         };
         let is_shear = looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[]));
-        let uniaxial_because = if is_shear { None } else { said_above(looked) };
+        let uniaxial_because = if is_shear { None } else { said_beside(looked) };
         let columns = [column(1, &STRESS, Setting::ForceColumn)?, column(2, &STRAIN, Setting::PositionColumn)?];
         let [Some(of_stress), Some(of_strain)] = columns else { return Ok(None) };
         Ok(Some(Self {
@@ -666,7 +679,8 @@ mod tests {
     use record::table::inspect_table;
 
     fn creep(header: &str, poisson_ratio: Option<f64>) -> Option<StressStrain> {
-        let text = format!("{header}\n0,0,1\n1,5,1\n2,6,1\n");
+        let rest = ",1".repeat(header.split(',').count().saturating_sub(2));
+        let text = format!("{header}\n0,0{rest}\n1,5{rest}\n2,6{rest}\n");
         let looked = inspect_table("creep.csv".as_ref(), text.as_bytes()).expect("a table");
         StressStrain::of(&looked, &TableSettings::default(), poisson_ratio).expect("a known unit")
     }
@@ -720,6 +734,10 @@ mod tests {
             ("t [s],τ [Pa],γ [-]", 3.0),
             ("t in s,tau in Pa,gamma in -", 3.0),
             ("t [s],σ [kPa],ε [%]", 1.0),
+            ("Time (s),Displacement (mm),Force (N),Strain (%),Stress (MPa)", 1.0),
+            ("Time (s),Gap (mm),Normal force (N),Strain (%),Stress (Pa)", 3.0),
+            ("Time (s),Displacement (mm),Force (N),Torque (N m),Strain (%),Stress (Pa)", 3.0),
+            ("Time (s),Displacement (mm),Force (N),Shear strain (%),Stress (Pa)", 3.0),
         ] {
             let found = creep(header, None).unwrap_or_else(|| panic!("{header}"));
             assert_eq!(found.compliance, factor, "{header}");

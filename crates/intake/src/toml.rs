@@ -9,7 +9,7 @@ use super::start::Start;
 use base::quantities::Quantities;
 use base::toml_input::quoted;
 use record::table::{ColumnName, PositionColumns, TableProposal};
-use record::{Control, Direction, RELAXATION, Zero};
+use record::{Control, Direction, RELAXATION, Restarts, Zero};
 
 /// Keys of the position's coordinates in `experiment.toml`.
 pub(super) const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
@@ -96,8 +96,12 @@ pub(super) fn experiment_toml(
     if let Some(sign) = layout.thousands {
         line("thousands", quoted(sign.name()), "sign between thousands");
     }
-    if table.time_rules.joins_restarts {
-        line("time_restarts", quoted("join"), "a restarted clock continues from the row before");
+    if let Some(restarts) = table.time_rules.restarts {
+        let meaning = match restarts {
+            Restarts::Join => "a restarted clock continues from the row before",
+            Restarts::Step => "a restarted clock continues from the row before, where its step begins",
+        };
+        line("time_restarts", quoted(restarts.name()), meaning);
     }
     if table.time_rules.spreads_ties {
         line("time_ties", quoted("spread"), "equal times of a coarse clock are spread evenly");
@@ -139,6 +143,9 @@ pub(super) fn experiment_toml(
     match control {
         Control::Force if proposal.has_noisy_levels => {
             line("force", quoted("levels"), "from a sensor: each hold takes its median; or \"hold\", \"linear\"");
+        }
+        Control::Force if proposal.has_ramps => {
+            line("force", quoted("linear"), "between rows, as sampled ramps are; or \"hold\" until the next row");
         }
         Control::Force if device.is_tip() => line("force", quoted("linear"), "measured at every row"),
         Control::Force if table.force.is_none() => {}

@@ -188,9 +188,7 @@ fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
         }
         n_falling = if x < deepest_m - fall_m { n_falling + 1 } else { 0 };
         if n_falling == N_FALLING {
-            let is_noisy = fall_m < 2.0 * FALL_SD * sd_m;
-            let noisy = if is_noisy { end_of_noisy_growth(&depths[..=place - N_FALLING], sd_m) } else { 0 };
-            return noisy.max(deepest + 1);
+            return end_of_level(&depths[..=place - N_FALLING], sd_m).max(deepest + 1);
         }
     }
     tip_m.len()
@@ -198,7 +196,7 @@ fn end_of_growth(tip_m: &[Option<f64>], from: usize) -> usize {
 
 /// Returns the index of the row after the last one in whose neighbourhood the mean depth is the largest within its error. `depths` are row indices with depths (m) before a
 /// decrease, with noise of standard deviation `sd_m`: the largest single depth may stand anywhere in a hold.
-fn end_of_noisy_growth(depths: &[(usize, f64)], sd_m: f64) -> usize {
+fn end_of_level(depths: &[(usize, f64)], sd_m: f64) -> usize {
     let n = N_LEVEL.min(depths.len());
     let mean_m = |window: &[(usize, f64)]| window.iter().map(|(_, x)| x).sum::<f64>() / n as f64;
     let means_m: Vec<f64> = depths.windows(n).map(mean_m).collect();

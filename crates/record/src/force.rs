@@ -1,6 +1,7 @@
 //! Commanded force as a function of time, given by its values at the rows and a rule between the rows.
 
 use super::robust::{SD_PER_MAD, median};
+use std::ops::Range;
 
 /// Fraction of the force's range above which a change of the force counts as a step (formats §1).
 const STEP_FRACTION: f64 = 0.2;
@@ -193,6 +194,31 @@ pub(super) fn levels(force_n: &[f64]) -> Option<Vec<f64>> {
     Some(made)
 }
 
+/// Least number of successive changes in one direction that are a sampled ramp and no steps, and the least part of the force's range that they cover.
+const RAMP_CHANGES: usize = 4;
+const RAMP_PART: f64 = 0.1;
+/// Largest part of a ramp in one row: a larger one is a step with a drift.
+const JUMP_PART: f64 = 0.5;
+
+/// The rows from the begin to the end of each sampled ramp of the force (N): it rises or falls in every row.
+pub fn sampled_ramps(force_n: &[f64]) -> Vec<Range<usize>> {
+    let [low, high] = force_n
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], force| [low.min(*force), high.max(*force)]);
+    let changes: Vec<f64> = force_n.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut first = 0;
+    let runs = changes.chunk_by(|a, b| a * b > 0.0).map(|run| {
+        first += run.len();
+        first - run.len()..first + 1
+    });
+    let is_ramp = |rows: &Range<usize>| {
+        let total_n = (force_n[rows.end - 1] - force_n[rows.start]).abs();
+        let largest_n = changes[rows.start..rows.end - 1].iter().fold(0.0_f64, |most, change| most.max(change.abs()));
+        rows.len() > RAMP_CHANGES && total_n >= RAMP_PART * (high - low) && largest_n <= JUMP_PART * total_n
+    };
+    runs.filter(is_ramp).collect()
+}
+
 /// True if the force (N) is constant in every hold, apart from a sensor's noise.
 pub fn has_noisy_levels(force_n: &[f64]) -> bool {
     levels(force_n).is_some()
@@ -218,6 +244,21 @@ mod tests {
         let ramps: Vec<f64> = noisy.iter().enumerate().map(|(row, force)| force + 0.01 * (row % 50) as f64).collect();
         for other in [sine, ramps, steps] {
             assert_eq!(levels(&other), None);
+        }
+    }
+
+    #[test]
+    fn a_ramp_rises_or_falls_in_every_row() {
+        let rows = |force_n: &[f64]| sampled_ramps(force_n);
+        assert_eq!(rows(&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 0.0]), [1..6]);
+        assert_eq!(rows(&[4.0, 4.0, 3.0, 2.0, 1.0, 0.0, 1.0, 2.0, 3.0, 4.0]), [1..6, 5..10]);
+        // Steps, three steps of one row each, and a drift that is small beside a step.
+        for steps in [
+            &[0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0][..],
+            &[0.0, 1.0, 2.0, 3.0, 3.0],
+            &[0.0, 9.0, 9.1, 9.2, 9.3, 9.4, 9.5],
+        ] {
+            assert_eq!(rows(steps), []);
         }
     }
 

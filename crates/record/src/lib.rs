@@ -29,7 +29,7 @@ pub use apparatus::{
     Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, STRESS_STRAIN, Vitreous, density_toml,
 };
 pub use control::Control;
-pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels};
+pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels, sampled_ramps};
 pub use frame::{AppliedFrame, Direction, Frame, Projection, Zero, is_work_negative};
 pub use indenter::{Indenter, Tip};
 pub use inputs::{ExperimentFiles, Interpretation, OSCILLATION, RELAXATION};
@@ -42,7 +42,7 @@ pub use scales::CharacteristicSizes;
 pub use sweep::{
     OscillationRecord, SweepColumn, SweepForm, SweepRow, columns_of, moduli_columns, rows_by_frequency, sweep_columns,
 };
-pub use times::TimeRules;
+pub use times::{Restarts, TimeRules};
 
 use base::quantities::Quantities;
 

@@ -3,7 +3,7 @@
 use super::quick_fit::{curve_beyond_lines, distance_between_rules_m};
 use super::{CheckContext, found, um};
 use documents::check::Contradiction;
-use record::{ForceRule, has_noisy_levels, is_work_negative};
+use record::{ForceRule, has_noisy_levels, is_work_negative, sampled_ramps};
 
 /// Smallest fraction of rows at which a force must change to count as continuous instead of switched.
 const MOST: f64 = 0.5;
@@ -16,7 +16,8 @@ const CLEARLY: f64 = 0.5;
 /// Smallest fraction of the positions' variance that the fitted motion must explain, so that the direction of the response is judged.
 const EXPLAINED: f64 = 0.3;
 
-/// Finds a force that changes in most of the rows, if the description does not state whether it holds or changes linearly between rows.
+/// Finds a force that changes in most of the rows, or has sampled ramps, if the description does not state whether it holds or changes linearly between rows.
+/// The first is an error, the second a warning, if the choice biases a fitted parameter by its standard error.
 pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     if looked.understood.force_rule_given || record.force_rule != ForceRule::Hold {
@@ -24,12 +25,15 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     }
     let least_n = NOTHING * record.force_range_n();
     let n_changes = record.force_n.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > least_n).count();
-    if (n_changes as f64) < MOST * record.n_rows() as f64 {
+    let is_mostly = n_changes as f64 >= MOST * record.n_rows() as f64;
+    if !is_mostly && sampled_ramps(&record.force_n).is_empty() {
         return None;
     }
     let fit = looked.fit.as_ref()?;
     let apart_m = distance_between_rules_m(record, fit);
-    if apart_m <= MATTERS * looked.noise_m.min(fit.left_sd_m.max(0.1 * looked.noise_m)) {
+    let n_positions = record.position_m[..fit.motion_m.len()].iter().flatten().count();
+    let matters = if is_mostly { MATTERS } else { 1.0 / (n_positions as f64).sqrt() };
+    if apart_m <= matters * looked.noise_m.min(fit.left_sd_m.max(0.1 * looked.noise_m)) {
         return None;
     }
     let text = format!(
@@ -44,7 +48,7 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     } else {
         "write `force = \"linear\"` in [measurement] if the force is a sampled curve, or `force = \"hold\"` if it was switched at every row"
     };
-    Some(found("force_between_rows", true, text, advice))
+    Some(found("force_between_rows", is_mostly, text, advice))
 }
 
 /// Finds a curved force that straight lines between rows approximate badly. The check reports a shift of the positions that biases a fitted parameter by its standard

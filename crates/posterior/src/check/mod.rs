@@ -96,7 +96,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
         zero::starts_under_load,
     ];
     // The quick fit assumes that positions are linear in the force. An indenter's depth is not linear, so only checks without the quick fit apply to it.
-    let of_indenter = [times::units, positions::clipped, positions::repeated];
+    let of_indenter = [times::units, positions::clipped, positions::repeated, zero::approach_missing];
     // A relaxation starts anywhere, and no simple law is fitted to it.
     let of_relaxation = [
         times::units,

@@ -123,6 +123,21 @@ const SLOWER: f64 = 0.3;
 /// Smallest change of force at another switch, as a fraction of the first row's force, that is used for comparison.
 const ALIKE: f64 = 0.3;
 
+/// Smallest force of the first row, divided by the largest one, at which the approach of a tip is missing.
+const PRESSED: f64 = 0.5;
+
+/// Finds the record of a tip that is pressed in from its first row on: neither the zero of its depth nor the begin of its load can be seen.
+pub(super) fn approach_missing(looked: &CheckContext<'_>) -> Option<Contradiction> {
+    let force_n = &looked.record.force_n;
+    let largest_n = force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+    if force_n.first()?.abs() < PRESSED * largest_n {
+        return None;
+    }
+    let text = "the tip presses from the first row on, so that its approach is missing: the depth before that row is fitted, and the load counts from that row".to_string();
+    let advice = "export the approach together with the hold; otherwise moduli may be far off";
+    Some(found("approach_missing", false, text, advice))
+}
+
 /// Finds a record that begins while a load already acts. Its first rows creep slowly, whereas the same force makes a fast motion at other switches.
 pub(super) fn starts_under_load(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;

@@ -3,7 +3,7 @@
 use super::spelling::{DateOrder, ParsedUnit, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands};
 use crate::control::Control;
-use crate::times::TimeRules;
+use crate::times::{Restarts, TimeRules};
 use base::error::Result;
 use base::toml_input::TomlTable;
 use base::units::Dimension;
@@ -54,6 +54,11 @@ impl TimeFormat {
             "month-first" => Self::Date(Some(DateOrder::Month)),
             _ => return None,
         })
+    }
+
+    /// True for times of day: their first row is no event of the test.
+    pub fn is_of_day(&self) -> bool {
+        matches!(self, Self::Clock | Self::HoursMinutes | Self::Date(_))
     }
 
     /// Word for the format in `experiment.toml`: the name of the unit, `clock`, `elapsed`, `hh:mm`, `iso`, `day-first` or `month-first`.
@@ -256,8 +261,8 @@ impl TableDescription {
             blank_force: read_choice(measurement, "blank_force", &BlankForce::ALL, BlankForce::name)?,
             lost: Vec::new(),
             time_rules: TimeRules {
-                joins_restarts: has_flag_word(measurement, "time_restarts", "join")?,
-                spreads_ties: has_flag_word(measurement, "time_ties", "spread")?,
+                restarts: read_choice(measurement, "time_restarts", &Restarts::ALL, Restarts::name)?,
+                spreads_ties: read_choice(measurement, "time_ties", &["spread"], |word| word)?.is_some(),
             },
         })
     }
@@ -266,11 +271,6 @@ impl TableDescription {
     pub fn n_axes(&self) -> usize {
         self.position.as_ref().map_or(1, |(columns, _)| columns.all().len())
     }
-}
-
-/// True if a key is present with its only allowed value `word`. Another value is an error.
-fn has_flag_word(table: TomlTable<'_>, key: &str, word: &'static str) -> Result<bool> {
-    Ok(read_choice(table, key, &[word], |word| word)?.is_some())
 }
 
 fn track(measurement: TomlTable<'_>, columns: TomlTable<'_>) -> Result<Option<(ColumnName, String)>> {

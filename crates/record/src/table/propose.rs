@@ -15,12 +15,12 @@ use super::spelling::{
 };
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::{Control, answers_after_jumps, holds_as_written, is_steadier, nothing_holds};
-use crate::force::has_noisy_levels;
+use crate::force::{has_noisy_levels, sampled_ramps};
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
 use crate::noise::written_step_m;
 use crate::robust::{SD_PER_MAD, median};
-use crate::times::TimeRules;
+use crate::times::{Restarts, TimeRules};
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
@@ -50,6 +50,8 @@ pub struct TableProposal {
     pub frame: Frame,
     /// True if the force is constant in every hold, apart from a sensor's noise.
     pub has_noisy_levels: bool,
+    /// True if the force has sampled ramps between its holds, so that it is linear between rows.
+    pub has_ramps: bool,
     /// Quantity that the experiment most likely commanded.
     pub control: Control,
     /// True if the position as written stays near one value while the force drifts by more, which shows a relaxation if the position has a zero of its own, as a strain has.
@@ -66,6 +68,8 @@ pub struct TableProposal {
     pub n_rows: usize,
     /// Number of rows without a position.
     pub n_lost: usize,
+    /// Number of times that the clock starts again.
+    pub n_restarts: usize,
     /// Duration of the record, in s.
     pub duration_s: f64,
     /// True if a commanded position jumps and acts from its row on, as the force shows.
@@ -255,6 +259,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
             "the force varies about fixed levels like the signal of a sensor, so each hold gets its median (force = \"levels\")".into(),
         );
     }
+    let ramps = if has_noisy_levels { None } else { ramps_between_holds(&trajectory) };
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
@@ -285,6 +290,9 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         true => Control::likely(&trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };
+    let ramps = ramps.filter(|_| control == Control::Force && description.force.is_some());
+    let has_ramps = ramps.is_some();
+    reasons.extend(ramps);
     let largest_n = trajectory.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
     Ok(TableProposal {
         columns: named_columns(tables[0]),
@@ -295,6 +303,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         reasons,
         n_rows: trajectory.time_s.len(),
         n_lost: trajectory.position_m.iter().filter(|x| x.is_none()).count(),
+        n_restarts: trajectory.ordered.restart_rows.len(),
         loaded_from_s: trajectory.time_s.first().copied().filter(|_| trajectory.force_n.first() != Some(&0.0)),
         duration_s: trajectory.time_s.last().zip(trajectory.time_s.first()).map_or(0.0, |(last, first)| last - first),
         force_n: ends(&mut trajectory.force_n.iter().copied()),
@@ -309,6 +318,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         frame,
         nothing_holds: is_along && nothing_holds(&trajectory.force_n, &trajectory.position_m),
         has_noisy_levels,
+        has_ramps,
         control,
         holds_as_written,
         is_steadier,
@@ -562,8 +572,14 @@ impl DescribedFile<'_> {
             blank_force: self.blank_force(force_at, reasons, ask)?,
             lost: Vec::new(),
             time_rules: TimeRules {
-                joins_restarts: one_word(Setting::TimeRestarts, given.time_restarts.as_deref(), "join")?,
-                spreads_ties: one_word(Setting::TimeTies, given.time_ties.as_deref(), "spread")?,
+                restarts: one_of(
+                    Setting::TimeRestarts,
+                    given.time_restarts.as_deref(),
+                    &Restarts::ALL,
+                    Restarts::name,
+                )?,
+                spreads_ties: one_of(Setting::TimeTies, given.time_ties.as_deref(), &["spread"], |word| word)?
+                    .is_some(),
             },
         })
     }
@@ -714,7 +730,7 @@ impl DescribedFile<'_> {
     /// Returns why several tables are not one recording; `None` if they are. In one recording, each table's clock continues that of the previous table without a
     /// pause, or its position starts near the end of the previous table.
     fn separation(&self, description: &TableDescription) -> Result<Option<&'static str>> {
-        let joined = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
+        let joined = with_times(description, TimeRules { restarts: Some(Restarts::Join), spreads_ties: true });
         let Trajectory { time_s, position_m, lines, ordered, .. } = read_described(self.file, self.text, &joined)?;
         let rows_of = |table: &TableBlock| {
             let [first, last] = table.lines();
@@ -788,17 +804,20 @@ impl DescribedFile<'_> {
             Ok(trajectory)
         };
         let told = description.time_rules;
-        let lenient = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
+        let lenient = with_times(
+            description,
+            TimeRules { restarts: Some(told.restarts.unwrap_or(Restarts::Join)), spreads_ties: true },
+        );
         if let Ok(trajectory) = read(&lenient) {
             let restarts = &trajectory.ordered.restart_rows;
             // If the clock restarts only at the first rows of cycles or tables, the rows belong to one recording.
             let cycle_begins = |row: usize| trajectory.cycle.as_ref().is_some_and(|cycle| cycle[row] > cycle[row - 1]);
             let table_begins = |row: usize| self.tables.iter().any(|table| table.lines()[0] == trajectory.lines[row]);
             if !restarts.is_empty()
-                && !told.joins_restarts
+                && told.restarts.is_none()
                 && restarts.iter().all(|row| cycle_begins(*row) || table_begins(*row))
             {
-                description.time_rules.joins_restarts = true;
+                description.time_rules.restarts = Some(Restarts::Join);
                 reasons.push(format!(
                     "the clock restarts {} times and is assumed to continue from the previous row (time_restarts = \"join\")",
                     restarts.len()
@@ -857,6 +876,29 @@ impl DescribedFile<'_> {
     }
 }
 
+/// Reason for which a force is linear between rows: it has sampled ramps, and holds in most other rows. `None` without such ramps.
+fn ramps_between_holds(trajectory: &Trajectory) -> Option<String> {
+    let Trajectory { force_n, lines, .. } = trajectory;
+    let ramps = sampled_ramps(force_n);
+    let first = ramps.first()?;
+    let n_changes = force_n.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if 2 * n_changes >= force_n.len() {
+        return None;
+    }
+    let is_in_ramp = |row: usize| ramps.iter().any(|ramp| ramp.contains(&row) && row > ramp.start);
+    let jump = (1..force_n.len()).find(|row| force_n[*row] != force_n[row - 1] && !is_in_ramp(*row));
+    let of_jump = jump.map_or(String::new(), |row| {
+        format!(
+            "; the jump before line {} then takes the interval between its rows: give it a row just before its time, with the old force and an empty position",
+            lines[row]
+        )
+    });
+    let [from, to] = [lines[first.start], lines[first.end - 1]];
+    Some(format!(
+        "the force changes in every row from line {from} to line {to}, as a sampled ramp does: it is linear between rows (force = \"linear\"){of_jump}"
+    ))
+}
+
 /// Replaces lost values (NaN) by the line between the known values before and after them, or by the nearest known one.
 fn bridge_lost(values: &mut [f64], time_s: &[f64]) {
     let known: Vec<usize> = (0..values.len()).filter(|row| !values[*row].is_nan()).collect();
@@ -886,15 +928,16 @@ fn with_times(description: &TableDescription, time_rules: TimeRules) -> TableDes
     TableDescription { time_rules, ..description.clone() }
 }
 
-/// True if the user gives a setting whose only allowed value is `word`. Another value is an error.
-fn one_word(setting: Setting, given: Option<&str>, word: &str) -> Result<bool> {
-    match given {
-        None => Ok(false),
-        Some(given) if given == word => Ok(true),
-        Some(other) => Err(Error::input(
+/// The value of a setting by its word; `None` if the user does not give it.
+fn one_of<T: Copy>(setting: Setting, given: Option<&str>, all: &[T], name: fn(T) -> &'static str) -> Result<Option<T>> {
+    let Some(given) = given else { return Ok(None) };
+    let words = || all.iter().map(|one| name(*one));
+    match all.iter().find(|one| name(**one) == given) {
+        Some(one) => Ok(Some(*one)),
+        None => Err(Error::input(
             InputPlace::setting(setting),
-            format!("unknown `{other}`"),
-            format!("give `{setting} {word}`"),
+            format!("unknown `{given}`"),
+            format!("give {}", words().map(|word| format!("`{setting} {word}`")).collect::<Vec<_>>().join(" or ")),
         )),
     }
 }
