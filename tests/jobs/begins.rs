@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use vitreo_uq::intake::{InitRequest, run};
 use vitreo_uq::record::table::TableSettings;
-use vitreo_uq::record::{Control, Experiment, OscillationRecord};
+use vitreo_uq::record::{Control, Experiment, ForceRule, OscillationRecord};
 
 /// Applies `init` to a table, and returns the record with the words of the summary, or the refusal.
 fn read(text: &str, change: impl Fn(&mut InitRequest)) -> Result<(Experiment, String), String> {
@@ -371,4 +371,77 @@ fn the_first_strain_of_a_rheometer_is_no_zero() {
     let (experiment, words) = plainly(&against).expect("a creep");
     let first = *experiment.record.position_m.iter().flatten().next().expect("a strain");
     assert!(!experiment.fits_position_offset && (first * experiment.record.force_n[119]) > 0.0, "{first} {words}");
+}
+
+/// Rest, creep and recovery of a rheometer, whose clock counts from the begin of each step, in one table beside another clock or in three: stresses begin where steps do.
+#[test]
+fn a_stress_begins_with_its_step() {
+    let begins_s = [0.0, 10.0, 70.0];
+    let strain = |t: f64| [10.0, 70.0].map(|begin: f64| crept((t - begin).max(0.0)));
+    let rows = |step: usize| -> Vec<[f64; 4]> {
+        let (n_rows, interval_s) = if step == 0 { (10, 1.0) } else { (120, 0.5) };
+        (1..=n_rows)
+            .map(|row| {
+                let since_s = interval_s * f64::from(row);
+                let [up, down] = strain(begins_s[step] + since_s);
+                [begins_s[step] + since_s, since_s, if step == 1 { 3.0 } else { 0.0 }, up - down]
+            })
+            .collect()
+    };
+    let line = |[t, since_s, stress, strain]: [f64; 4]| format!("{t:.2},{since_s:.2},{stress},{strain:.6}\n");
+    let one: String = (0..3).flat_map(|step| rows(step).into_iter().map(line)).collect();
+    let table = |step: usize| {
+        let rows: String = rows(step).into_iter().map(line).collect();
+        format!("Interval {}\nTime [s],Interval Time [s],Shear Stress [Pa],Shear Strain [%]\n{rows}\n", step + 1)
+    };
+    let several = (0..3).map(table).collect::<String>();
+    for text in [format!("t in s,t_seg in s,Stress in Pa,Strain in %\n{one}"), several] {
+        let (experiment, words) = plainly(&text).expect("a creep");
+        let record = &experiment.record;
+        let switches: Vec<f64> = record.force_step_rows().into_iter().map(|row| record.time_s[row]).collect();
+        assert!(words.contains("time_restarts = \"step\""), "{words}");
+        assert_eq!(record.n_samples(), 250, "{words}");
+        assert!(
+            switches.len() == 2 && (switches[0] - 10.0).abs() < 1e-9 && (switches[1] - 70.0).abs() < 1e-9,
+            "{switches:?}"
+        );
+    }
+    // A single step has no other clock, and its load began at the 0 of its own.
+    let single: String = rows(1).into_iter().map(line).collect();
+    let (experiment, words) =
+        plainly(&format!("t in s,t_seg in s,Stress in Pa,Strain in %\n{single}")).expect("a creep");
+    assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6 && !words.contains("time_restarts"), "{words}");
+}
+
+/// A stress that rises for 10 s is a ramp between its rows, and one that rises in steps is not.
+#[test]
+fn a_sampled_ramp_is_linear() {
+    let with = |stress: &dyn Fn(i32) -> f64| {
+        let mut text = String::from("Time (s),Shear stress (Pa),Shear strain (%)\n");
+        for row in 0..200 {
+            let t = 0.25 * f64::from(row);
+            writeln!(text, "{t},{},{:.6}", stress(row), stress(row) * crept(t)).expect("a string");
+        }
+        plainly(&text).expect("a creep")
+    };
+    let (experiment, words) = with(&|row| 0.125 * f64::from(row.min(40)));
+    assert_eq!(experiment.record.force_rule, ForceRule::Linear, "{words}");
+    assert!(words.contains("from line 2 to line 42") && !words.contains("the jump before"), "{words}");
+    let (experiment, words) = with(&|row| if row < 150 { 0.125 * f64::from(row.min(40)) } else { 0.0 });
+    assert_eq!(experiment.record.force_rule, ForceRule::Linear);
+    assert!(words.contains("the jump before line 152"), "{words}");
+    let (experiment, words) = with(&|row| f64::from(row.min(40) / 10));
+    assert_eq!(experiment.record.force_rule, ForceRule::Hold, "{words}");
+}
+
+#[test]
+fn times_of_day_do_not_show_when_a_load_began() {
+    let mut text = String::from("Time,Shear stress (Pa),Shear strain (%)\n");
+    for row in 0..60 {
+        writeln!(text, "2024-03-09T13:58:{row:02},3,{:.6}", crept(0.5 + f64::from(row))).expect("a string");
+    }
+    let refused = plainly(&text).expect_err("a question");
+    assert!(refused.contains("times of day do not show") && refused.contains("load_start -0.5`"), "{refused}");
+    let (experiment, _) = told(&text, "-0.5").expect("a creep");
+    assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6);
 }

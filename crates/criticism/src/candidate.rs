@@ -63,6 +63,8 @@ pub struct Free {
     /// Lower and upper end of the search, as coordinates. They are the ends of the support, or the points where the prior leaves 10⁻⁹ on either side. The null is always
     /// inside.
     pub ends: [f64; 2],
+    /// The ends of the search as values of the parameter.
+    value_ends: [f64; 2],
     /// Mean and standard deviation of the coordinate under the prior, for the law's parameters and the experiment's nuisance parameters. `None` for effects: the data
     /// alone decide their size.
     pub prior: Option<(f64, f64)>,
@@ -70,6 +72,8 @@ pub struct Free {
     pub distribution: Distribution,
     /// Coordinate at which the parameter's effect vanishes; `None` for the law's parameters and for parameters that are unidentified at the null.
     pub null: Option<f64>,
+    /// Value of the parameter at [`Self::null`].
+    null_value: Option<f64>,
     /// Index of the effect in the candidate's list; `None` for the law's parameters.
     pub effect: Option<usize>,
 }
@@ -78,6 +82,15 @@ impl Free {
     /// Returns whether the null is an end of the search, so that the effect has one sign.
     pub fn is_one_sided(&self) -> bool {
         self.null.is_some_and(|null| self.ends.contains(&null))
+    }
+
+    /// Returns the parameter's value at a coordinate. It is exact at the null and stays inside the ends, whatever the rounding: a springpot of an order just above 1 is no
+    /// dashpot.
+    pub fn value(&self, theta: f64) -> f64 {
+        match self.null_value {
+            Some(value) if self.null == Some(theta) => value,
+            _ => self.coordinate.value(theta).clamp(self.value_ends[0], self.value_ends[1]),
+        }
     }
 
     /// Returns whether the parameter is unidentified at the null of its effect.
@@ -161,7 +174,7 @@ impl Candidate {
     pub fn held(&self, theta: &[f64], is_held: impl Fn(&Free) -> bool) -> Self {
         let mut held = self.clone();
         for (free, theta) in self.free.iter().zip(theta).filter(|(free, _)| is_held(free)) {
-            held.template[free.index] = free.coordinate.value(*theta);
+            held.template[free.index] = free.value(*theta);
         }
         held.free.retain(|free| !is_held(free));
         held
@@ -181,7 +194,7 @@ impl Candidate {
     pub fn parameters(&self, theta: &[f64]) -> Vec<f64> {
         let mut parameters = self.template.clone();
         for (free, theta) in self.free.iter().zip(theta) {
-            parameters[free.index] = free.coordinate.value(*theta);
+            parameters[free.index] = free.value(*theta);
         }
         parameters
     }
@@ -235,14 +248,15 @@ fn free(
         (false, true) => Coordinate::Square { scale },
         (false, false) => Coordinate::Linear { scale },
     };
-    let mut ends = [TAIL_MASS, 1.0 - TAIL_MASS].map(|p| distribution.quantile(p));
+    let mut value_ends = [TAIL_MASS, 1.0 - TAIL_MASS].map(|p| distribution.quantile(p));
     if let Some(null) = null {
         // Priors of one sign leave a small gap beside the null; the search includes it.
-        ends = [ends[0].min(null), ends[1].max(null)];
+        value_ends = [value_ends[0].min(null), value_ends[1].max(null)];
     }
-    let ends = ends.map(|end| coordinate.theta(end));
+    let ends = value_ends.map(|end| coordinate.theta(end));
     let [lower, upper] = [ONE_SD, 1.0 - ONE_SD].map(|p| coordinate.theta(distribution.quantile(p)));
     let prior = effect.is_none().then(|| (coordinate.theta(distribution.quantile(0.5)), 0.5 * (upper - lower)));
+    let null_value = null;
     let null = null.map(|null| coordinate.theta(null));
-    Free { index, name: spec.name, coordinate, ends, prior, distribution, null, effect }
+    Free { index, name: spec.name, coordinate, ends, value_ends, prior, distribution, null, null_value, effect }
 }

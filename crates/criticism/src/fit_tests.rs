@@ -34,6 +34,25 @@ fn the_objective_is_likelihood_plus_priors() {
     assert!((fitted.ln_likelihood - likelihood).abs() < 1e-6);
 }
 
+/// At its null, an effect has the very value that its stage skips: an order of a springpot one rounding above 1 is another law. No coordinate leaves the ends by rounding.
+#[test]
+fn a_null_is_exact() {
+    for effect in replica().library().effects() {
+        let Ok(candidate) = replica().extended(&[effect.slug()]) else { continue };
+        for free in &candidate.free {
+            let parameter = effect.parameters().iter().find(|parameter| parameter.spec.name == free.name);
+            let null = parameter.and_then(|parameter| (parameter.null)(&replica().experiment().scales()));
+            assert_eq!(free.null.map(|theta| free.value(theta)), null, "{}", free.name);
+            let Some(support) = parameter.map(|parameter| parameter.spec.support) else { continue };
+            assert!(
+                free.ends.iter().all(|end| (support.lower..=support.upper).contains(&free.value(*end))),
+                "{}",
+                free.name
+            );
+        }
+    }
+}
+
 /// Every linear effect fits no worse than the base. Every second compatible pair of neighbours in the library fits no worse than each of its effects.
 #[test]
 fn a_larger_model_never_fits_worse() {

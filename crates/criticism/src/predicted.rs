@@ -99,8 +99,8 @@ pub(super) fn laplace(subject: &Subject, model: &Refitted) -> Result<Vec<RefitPa
     let sds = tangent.standard_deviations();
     let parameter = |(k, free): (usize, &Free)| {
         let theta = model.fitted.theta[k];
-        let at = |sds_away: f64| free.coordinate.value(free.clamped(theta + sds_away * sds[k]));
-        RefitParameter { name: free.name.into(), mean: free.coordinate.value(theta), q05: at(-Q95), q95: at(Q95) }
+        let at = |sds_away: f64| free.value(free.clamped(theta + sds_away * sds[k]));
+        RefitParameter { name: free.name.into(), mean: free.value(theta), q05: at(-Q95), q95: at(Q95) }
     };
     Ok(model.candidate.free.iter().enumerate().map(parameter).collect())
 }

@@ -289,14 +289,20 @@ fn by_clock_of_step(
     let numbers = tables.iter().enumerate().filter(|(_, table)| is_read(table)).map(|(at, _)| (at + 1).to_string());
     let mut by_step = given.clone();
     by_step.columns[0] = Some(clock.clone());
-    by_step.time_restarts = Some(Restarts::Step.name().into());
+    let restarts = if proposal.control == Control::Force { Restarts::Step } else { Restarts::Join };
+    by_step.time_restarts = Some(restarts.name().into());
     by_step.tables = (tables.len() > 1).then(|| numbers.collect::<Vec<_>>().join(","));
     let mut by_step = propose(place, bytes, &by_step, ask)?;
     if by_step.n_restarts == 0 {
         by_step.description.time_rules.restarts = None;
     } else {
+        let acts = match restarts {
+            Restarts::Step => ", and the stress of a step acts since then",
+            Restarts::Join => "",
+        };
         by_step.reasons.push(format!(
-            "`{clock}` counts from the begin of each step, and the stress of a step acts since then (time_restarts = \"step\")"
+            "`{clock}` counts from the begin of each step{acts} (time_restarts = \"{}\")",
+            restarts.name()
         ));
     }
     Ok(by_step)

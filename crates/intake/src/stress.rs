@@ -802,7 +802,7 @@ mod tests {
 
     #[test]
     fn unknown_units_of_published_tables_are_named() {
-        for header in ["t,Modulus [atm],n", "t,G(t) (x10^3 Pa),n", "t,Compliance (%/Pa),n"] {
+        for header in ["t,Modulus [GPU],n", "t,G(t) (x10^3 Pa),n", "t,Compliance (%/Pa),n"] {
             let looked =
                 inspect_table("p.csv".as_ref(), format!("{header}\n0,0,1\n1,5,1\n2,6,1\n").as_bytes()).unwrap();
             let refused = StressStrain::of(&looked, &TableSettings::default(), None).unwrap_err().to_string();

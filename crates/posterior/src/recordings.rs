@@ -59,10 +59,12 @@ mod tests {
     #[test]
     fn a_gap_begins_a_recording_and_growing_intervals_do_not() {
         let cycle = [1, 1, 1, 2, 2, 2];
-        let gap = [0.0, 1.0, 2.0, 6.0, 7.0, 8.0];
-        assert_eq!(recordings(&record(&gap, &[2.0; 6], &cycle)), [1, 1, 1, 2, 2, 2]);
-        let logarithmic = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
-        assert_eq!(recordings(&record(&logarithmic, &[2.0; 6], &cycle)), [1; 6]);
+        for second_s in [1.0, 0.01, 3600.0] {
+            let gap = [0.0, 1.0, 2.0, 6.0, 7.0, 8.0].map(|time| second_s * time);
+            assert_eq!(recordings(&record(&gap, &[2.0; 6], &cycle)), [1, 1, 1, 2, 2, 2], "{second_s}");
+            let logarithmic = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0].map(|time| second_s * time);
+            assert_eq!(recordings(&record(&logarithmic, &[2.0; 6], &cycle)), [1; 6], "{second_s}");
+        }
         assert!(recordings(&record(&[], &[], &[])).is_empty());
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::control::correlation_of_changes;
 use super::force::Force;
-use super::robust::median;
+use super::robust::{SD_PER_MAD, median};
 use super::trajectory::Trajectory;
 use base::error::{Error, InputPlace, Result};
 use base::toml_input::TomlTable;
@@ -159,7 +159,7 @@ impl Frame {
             Direction::Backward => [-1.0, 0.0, 0.0],
             Direction::Degrees(degrees) => [degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0],
             Direction::Fit => {
-                let axis = line_of_motion(&points);
+                let axis = line_of_force(&trajectory.time_s, &trajectory.force_n, &points);
                 if is_work_negative(&trajectory.force_n, &along(axis), 0.0) { axis.map(|x| -x) } else { axis }
             }
         };
@@ -291,6 +291,66 @@ fn normal(direction: SpacePoint, axis: SpacePoint) -> SpacePoint {
     };
     let length = dot(across, across).sqrt();
     across.map(|x| x / length)
+}
+
+/// Least difference between two directions, in standard errors, that shows a drift.
+const DRIFT_ERRORS: f64 = 5.0;
+/// Least square of the motion that follows the force, as a multiple of that of the noise in as many numbers.
+const SHOWN: f64 = 50.0;
+/// Least part of the squares of a regressor that the regressors before it leave.
+const OWN_PART: f64 = 1e-6;
+
+/// Returns the unit vector of the line on which a force moves a body. A steady drift in another direction turns the line of the largest motion. The part of the motion that
+/// follows the force and its integral, and no straight line in time, has the direction of the force whatever the law: across it are only drift and noise.
+fn line_of_force(time_s: &[f64], force_n: &[f64], points: &[Option<SpacePoint>]) -> SpacePoint {
+    let largest = line_of_motion(points);
+    let size = |point: SpacePoint| dot(point, point).sqrt();
+    // Impulse of the force up to each row.
+    let impulses = std::iter::once(0.0).chain(time_s.windows(2).zip(force_n).scan(0.0, |sum, (pair, force)| {
+        *sum += (pair[1] - pair[0]) * force;
+        Some(*sum)
+    }));
+    let rows: Vec<([f64; 4], SpacePoint)> = time_s
+        .iter()
+        .zip(force_n)
+        .zip(impulses)
+        .zip(points)
+        .filter_map(|(((time, force), impulse), point)| Some(([1.0, *time, *force, impulse], (*point)?)))
+        .filter(|(of_row, _)| of_row.iter().all(|value| value.is_finite()))
+        .collect();
+    let Some(middle) = median(rows.iter().map(|(_, point)| size(without(*point, largest))).collect()) else {
+        return largest;
+    };
+    let rows: Vec<_> = rows.into_iter().filter(|(_, point)| size(without(*point, largest)) <= FAR * middle).collect();
+    // Each regressor without its parts along those before it, and the part of the points along it.
+    let (mut columns, mut left): (Vec<Vec<f64>>, Vec<SpacePoint>) =
+        (Vec::new(), rows.iter().map(|row| row.1).collect());
+    let mut covariance = [[0.0; 3]; 3];
+    for k in 0..4 {
+        let mut column: Vec<f64> = rows.iter().map(|row| row.0[k]).collect();
+        let whole: f64 = column.iter().map(|x| x * x).sum();
+        for other in &columns {
+            let part: f64 = column.iter().zip(other).map(|(a, b)| a * b).sum();
+            column.iter_mut().zip(other).for_each(|(a, b)| *a -= part * b);
+        }
+        let own = column.iter().map(|x| x * x).sum::<f64>();
+        if own <= OWN_PART * whole {
+            continue;
+        }
+        column.iter_mut().for_each(|x| *x /= own.sqrt());
+        let part = [0, 1, 2].map(|axis| column.iter().zip(&left).map(|(x, point)| x * point[axis]).sum::<f64>());
+        left.iter_mut().zip(&column).for_each(|(point, x)| (0..3).for_each(|axis| point[axis] -= x * part[axis]));
+        if k > 1 {
+            (0..3).for_each(|i| (0..3).for_each(|j| covariance[i][j] += part[i] * part[j]));
+        }
+        columns.push(column);
+    }
+    let Some(axis) = largest_direction(covariance) else { return largest };
+    let square_m2 = (0..3).flat_map(|i| (0..3).map(move |j| axis[i] * covariance[i][j] * axis[j])).sum::<f64>();
+    let noise_m = SD_PER_MAD * median(left.iter().map(|point| size(without(*point, axis))).collect()).unwrap_or(0.0);
+    let turned = size(without(largest, axis));
+    let is_turned = square_m2 > SHOWN * noise_m.powi(2) && turned > DRIFT_ERRORS * noise_m / square_m2.sqrt();
+    if is_turned { axis } else { largest }
 }
 
 /// Returns the unit vector of the line along which a motion is largest. Rows far from the line have no influence.
@@ -429,6 +489,30 @@ mod tests {
         }
         trajectory.others_m = vec![y_m];
         (trajectory, truth)
+    }
+
+    /// A drift across the force turns the line of the largest motion by 13°, and the line of the force by nothing but noise: 0.02 µm on 3 µm.
+    #[test]
+    fn a_drift_does_not_turn_the_line_of_the_force() {
+        let noise = |row: usize, k: f64| 0.04e-6 * ((row as f64 * k).fract() - 0.5);
+        let rows = 0..300_usize;
+        let time_s: Vec<f64> = rows.clone().map(|row| 0.2 * row as f64).collect();
+        let force_n: Vec<f64> = rows.clone().map(|row| if (25..125).contains(&row) { 1e-8 } else { 0.0 }).collect();
+        let creep =
+            |since_s: f64| if since_s > 0.0 { 1.5 * (1.0 - (-since_s / 2.0).exp()) + 0.05 * since_s } else { 0.0 };
+        let points: Vec<Option<SpacePoint>> = rows
+            .map(|row| {
+                let along = 1e-6 * (creep(time_s[row] - 5.0) - creep(time_s[row] - 25.0));
+                let drift = 0.03e-6 * time_s[row];
+                Some([along + noise(row, 0.754_877_67), drift + noise(row, 0.569_840_29), 0.0])
+            })
+            .collect();
+        let degrees = |axis: SpacePoint| (axis[1] / axis[0]).atan().to_degrees();
+        assert!(degrees(line_of_motion(&points)) < -10.0);
+        assert!(degrees(line_of_force(&time_s, &force_n, &points)).abs() < 0.2);
+        // Without a force that changes, the line of the largest motion remains.
+        let none = line_of_force(&time_s, &[1e-8; 300], &points);
+        assert_eq!(none, line_of_motion(&points));
     }
 
     fn degrees(projection: &Projection) -> f64 {

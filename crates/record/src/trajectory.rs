@@ -313,8 +313,9 @@ impl Trajectory {
     /// Adds a row in SI units. `place` returns the place of a quantity for errors, given its index or [`CYCLE`].
     pub(super) fn add(&mut self, row: TableRow<'_>, place: &dyn Fn(usize) -> InputPlace) -> Result<()> {
         let TableRow { time_s, force_n, position_m, cycle } = row;
-        plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
         // A computed zero, such as a sine of π, has a rounding error.
+        let time_s = if self.time_s.is_empty() && time_s.abs() < TIMES_S[0] { 0.0 } else { time_s };
+        plausible(&|| place(TIME), time_s, TIMES_S, "s")?;
         let force_n = if force_n.abs() < FORCES_N[0] { 0.0 } else { force_n };
         if !force_n.is_nan() {
             plausible(&|| place(FORCE), force_n, FORCES_N, "N")?;
@@ -431,7 +432,7 @@ fn finite(place: &dyn Fn() -> InputPlace, text: &str, remedy: &str) -> Result<f6
     Err(Error::input(place(), found, remedy))
 }
 
-/// Allowed absolute values of times, forces and positions in SI units. A smaller force counts as 0. Other larger or smaller values have wrong units, and would later exceed the range of
+/// Allowed absolute values of times, forces and positions in SI units. A smaller force, or first time, counts as 0. Other larger or smaller values have wrong units, and would later exceed the range of
 /// floating-point numbers. A modulus over time is read in place of a position.
 const TIMES_S: [f64; 2] = [1e-12, 1e12];
 const FORCES_N: [f64; 2] = [1e-24, 1e12];

@@ -1,5 +1,6 @@
 //! Relaxation modulus of a law, for records with a prescribed strain.
 
+use super::spectrum::check_orders;
 use super::{Accuracy, Element, RetardationSpectrum, SpectralMode, TimeWindow, stieltjes};
 use base::error::{Error, Result};
 use base::number::Dual;
@@ -25,8 +26,9 @@ impl RetardationSpectrum {
     /// The stress is then exact to rounding at times of the window after each change of the strain or of its rate.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if a modulus is not finite.
+    /// [`Error::Numerical`] if a modulus is not finite, or if the order of a springpot is outside (0, 1].
     pub fn relaxation_of_law(law: &[Element], window: TimeWindow, accuracy: Accuracy) -> Result<Self> {
+        law.iter().try_for_each(check_orders)?;
         let earlier = TimeWindow { shortest_s: EARLIER * window.shortest_s, ..window };
         let (mut viscosity, mut modes) = stieltjes::relaxation_of_law(law, earlier, accuracy);
         modes.retain(|(modulus, rate)| {

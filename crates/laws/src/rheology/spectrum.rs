@@ -1,5 +1,6 @@
 //! Retardation spectrum of a law: its creep compliance as a sum of exponentials, which allows a fast convolution with the force.
 
+use super::Element;
 use base::error::{Error, Result};
 use base::number::{Dual, PointScalar};
 
@@ -101,6 +102,15 @@ impl<T: PointScalar> RetardationSpectrum<T> {
         let (modulus_pa, viscosity_pa_s) = (T::from_dual(modulus_pa), T::from_dual(viscosity_pa_s));
         let compliance_per_pa = T::constant(1.0) / modulus_pa;
         self.modes.push(SpectralMode { compliance_per_pa, rate_per_s: modulus_pa / viscosity_pa_s });
+    }
+}
+
+/// Checks the orders of all springpots of an element.
+pub(super) fn check_orders(element: &Element) -> Result<()> {
+    match element {
+        Element::Springpot { order, .. } => check_order(*order),
+        Element::Series(elements) | Element::Parallel(elements) => elements.iter().try_for_each(check_orders),
+        _ => Ok(()),
     }
 }
 

@@ -290,8 +290,9 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
         let is_bracketed = |cell: &&String| cell.starts_with(['[', '(']) && cell.ends_with([']', ')']);
         let are_bracketed = cells.iter().filter(|cell| !cell.is_empty()).all(|cell| is_bracketed(&cell));
-        let fewest = if are_bracketed { 1 } else { 2 };
-        if units.iter().flatten().count() < fewest || cells.iter().any(|cell| length(cell) > LONGEST_UNIT) {
+        let fewest = if are_bracketed { 0 } else { 2 };
+        let n_units = cells.iter().zip(&units).filter(|(cell, unit)| unit.is_some() || *cell == "-").count();
+        if n_units < fewest || cells.iter().any(|cell| length(cell) > LONGEST_UNIT) {
             return None;
         }
         // A unit line may contain units that the program does not use, such as °C.

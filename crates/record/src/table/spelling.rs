@@ -8,7 +8,7 @@ const PER_RADIAN: f64 = 0.5 * std::f64::consts::FRAC_1_PI;
 const GRAM_FORCE_N: f64 = 9.806_65e-3;
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 79] = [
+const SPELLINGS: [(&str, Dimension, f64); 84] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -80,6 +80,11 @@ const SPELLINGS: [(&str, Dimension, f64); 79] = [
     ("MPa", Dimension::Pressure, 1e6),
     ("GPa", Dimension::Pressure, 1e9),
     ("psi", Dimension::Pressure, 6_894.757_293_168),
+    ("ksi", Dimension::Pressure, 6_894_757.293_168),
+    ("atm", Dimension::Pressure, 101_325.0),
+    ("mmHg", Dimension::Pressure, 133.322_387_415),
+    ("Torr", Dimension::Pressure, 101_325.0 / 760.0),
+    ("cmH2O", Dimension::Pressure, 98.0665),
     ("deg", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("degrees", Dimension::Angle, std::f64::consts::PI / 180.0),
     ("°", Dimension::Angle, std::f64::consts::PI / 180.0),
