@@ -4,7 +4,9 @@ use base::parameter::named;
 use documents::extension::EquivalentEffects;
 use documents::posterior::ModelSummary;
 use laws::rheology::{BaseLaw, ExternalLaw};
-use models::effects::parameter_named;
+use models::effects::{Library, parameter_named};
+
+use super::number::format_significant;
 
 /// Symbol and unit of a parameter, as figures show them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -86,6 +88,16 @@ pub fn parameter_label(name: &str) -> ParameterLabel {
     )
 }
 
+/// Size of an effect, which is the value of its first parameter, with that parameter's unit in brackets.
+pub fn effect_size(slug: &str, value: f64) -> String {
+    let value = format_significant(value, 2);
+    let unit = Library::default().get(slug).and_then(|effect| effect.parameters().first()).map(|first| first.spec.unit);
+    match unit.filter(|unit| *unit != "1") {
+        Some(unit) => format!("{value} ({})", shown_unit(unit)),
+        None => value,
+    }
+}
+
 fn shown_unit(unit: &str) -> String {
     if unit == "1" { "–".into() } else { unit.replace("Pa s", "Pa·s").replace("um", "µm") }
 }
@@ -134,6 +146,12 @@ mod tests {
         );
         assert_eq!(parameter_label("cubic_pa_per_mm2").axis(), "cubic (Pa/mm²)");
         assert_eq!(parameter_label("rate").axis(), "rate (1/s)");
+    }
+
+    #[test]
+    fn sizes_of_effects_have_units() {
+        assert_eq!(effect_size("tracking-drift", 1.24e-9), "1.2e-9 (m/s)");
+        assert_eq!(effect_size("force-asymmetry", 0.0312), "0.031");
     }
 
     #[test]

@@ -249,9 +249,11 @@ mod tests {
 
     #[test]
     fn a_ramp_rises_or_falls_in_every_row() {
-        let rows = |force_n: &[f64]| sampled_ramps(force_n);
-        assert_eq!(rows(&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 0.0]), [1..6]);
-        assert_eq!(rows(&[4.0, 4.0, 3.0, 2.0, 1.0, 0.0, 1.0, 2.0, 3.0, 4.0]), [1..6, 5..10]);
+        let rows = |force_n: &[f64]| -> Vec<(usize, usize)> {
+            sampled_ramps(force_n).into_iter().map(|ramp| (ramp.start, ramp.end)).collect()
+        };
+        assert_eq!(rows(&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 0.0]), [(1, 6)]);
+        assert_eq!(rows(&[4.0, 4.0, 3.0, 2.0, 1.0, 0.0, 1.0, 2.0, 3.0, 4.0]), [(1, 6), (5, 10)]);
         // Steps, three steps of one row each, and a drift that is small beside a step.
         for steps in [
             &[0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0][..],

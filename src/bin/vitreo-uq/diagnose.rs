@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use vitreo_uq::base::error::{Error, InputPlace, Result};
 use vitreo_uq::documents::diagnosis::{CHANCE_P, CandidateEntry, Diagnosis, Status, VerdictKind, group_by_reason};
+use vitreo_uq::figures::labels::effect_size;
 use vitreo_uq::figures::number::format_ranges;
 use vitreo_uq::jobs::diagnose::{self, DISCREPANCY_FIGURE, DiagnoseDocument, DiagnoseRequest};
 use vitreo_uq::jobs::target::TargetKind;
@@ -175,7 +176,7 @@ fn detectability_lines(diagnosis: &Diagnosis) -> Vec<String> {
     let smallest: Vec<String> = diagnosis
         .smallest_detectable
         .iter()
-        .filter_map(|entry| Some(format!("{} {}", entry.effect, significant(entry.parameter?))))
+        .filter_map(|entry| Some(format!("{} {}", entry.effect, effect_size(&entry.effect, entry.parameter?))))
         .collect();
     if !smallest.is_empty() {
         lines.push(format!("Smallest detectable sizes: {}.", smallest.join(", ")));

@@ -8,7 +8,7 @@ use super::{
     Figure, Tone, drop_largest_figures, figure, folded, input_hash_table, interval, page, section, table,
     table_with_text_columns,
 };
-use crate::labels::{model_title_with, parameter_label};
+use crate::labels::{effect_size, model_title_with, parameter_label};
 use crate::number::{format_decimals, format_ranges, format_significant};
 use documents::check::CheckSummary;
 use documents::comparison::Comparison;
@@ -393,7 +393,7 @@ fn learned_tables(learned: &Learned) -> Markup {
 fn candidate_table(diagnosis: &Diagnosis) -> Markup {
     let smallest = |slug: &str| {
         let entry = diagnosis.smallest_detectable.iter().find(|entry| entry.effect == slug);
-        optional(entry.and_then(|entry| entry.parameter), 2)
+        entry.and_then(|entry| entry.parameter).map_or("–".into(), |size| effect_size(slug, size))
     };
     let row = |candidate: &CandidateEntry| {
         let refit = candidate.refit.as_ref();
