@@ -399,7 +399,7 @@ fn a_stress_begins_with_its_step() {
         let (experiment, words) = plainly(&text).expect("a creep");
         let record = &experiment.record;
         let switches: Vec<f64> = record.force_step_rows().into_iter().map(|row| record.time_s[row]).collect();
-        assert!(words.contains("time_restarts = \"step\""), "{words}");
+        assert!(words.contains("force_acts = \"until-row\""), "{words}");
         assert_eq!(record.n_samples(), 250, "{words}");
         assert!(
             switches.len() == 2 && (switches[0] - 10.0).abs() < 1e-9 && (switches[1] - 70.0).abs() < 1e-9,
@@ -410,7 +410,28 @@ fn a_stress_begins_with_its_step() {
     let single: String = rows(1).into_iter().map(line).collect();
     let (experiment, words) =
         plainly(&format!("t in s,t_seg in s,Stress in Pa,Strain in %\n{single}")).expect("a creep");
-    assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6 && !words.contains("time_restarts"), "{words}");
+    assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6 && !words.contains("force_acts"), "{words}");
+}
+
+/// Ten seconds between rows follow a rest with one: the clock of the steps does not fall. Of several tables, the last one alone can be read.
+#[test]
+fn a_clock_of_steps_may_not_fall() {
+    let mut text = String::from("Time [s],Interval Time [s],Shear Stress [Pa],Shear Strain [%]\n");
+    for row in 1..6 {
+        writeln!(text, "{row},{row},0,0").expect("a string");
+    }
+    for row in 1..60 {
+        let since_s = 10.0 * f64::from(row);
+        writeln!(text, "{},{since_s},3,{:.6}", 5.0 + since_s, crept(since_s)).expect("a string");
+    }
+    let (experiment, words) = plainly(&text).expect("a creep");
+    let switches = experiment.record.force_step_rows();
+    assert!(switches.len() == 1 && (experiment.record.time_s[switches[0]] - 5.0).abs() < 1e-9, "{switches:?} {words}");
+    let last = format!("Interval 2\n{}", text.replace(",3,", ",4,"));
+    let both = format!("Interval 1\n{text}\n{last}");
+    let second = |request: &mut InitRequest| request.known_columns.tables = Some("2".into());
+    let (experiment, words) = read(&both, second).expect("a creep");
+    assert_eq!(experiment.record.n_samples(), 64, "{words}");
 }
 
 /// A stress that rises for 10 s is a ramp between its rows, and one that rises in steps is not.
@@ -426,10 +447,10 @@ fn a_sampled_ramp_is_linear() {
     };
     let (experiment, words) = with(&|row| 0.125 * f64::from(row.min(40)));
     assert_eq!(experiment.record.force_rule, ForceRule::Linear, "{words}");
-    assert!(words.contains("from line 2 to line 42") && !words.contains("the jump before"), "{words}");
+    assert!(words.contains("from line 2 to line 42") && !words.contains("also jumps"), "{words}");
     let (experiment, words) = with(&|row| if row < 150 { 0.125 * f64::from(row.min(40)) } else { 0.0 });
     assert_eq!(experiment.record.force_rule, ForceRule::Linear);
-    assert!(words.contains("the jump before line 152"), "{words}");
+    assert!(words.contains("also jumps, first in line 152 (1 in all)"), "{words}");
     let (experiment, words) = with(&|row| f64::from(row.min(40) / 10));
     assert_eq!(experiment.record.force_rule, ForceRule::Hold, "{words}");
 }
@@ -443,5 +464,17 @@ fn times_of_day_do_not_show_when_a_load_began() {
     let refused = plainly(&text).expect_err("a question");
     assert!(refused.contains("times of day do not show") && refused.contains("load_start -0.5`"), "{refused}");
     let (experiment, _) = told(&text, "-0.5").expect("a creep");
+    assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6);
+    // A clock that begins at midnight counts from the load.
+    let (_, words) = plainly(&text.replace("2024-03-09T13:58", "00:00")).expect("a creep");
+    assert!(words.contains("the step is assumed to have begun just before it"), "{words}");
+    // A relaxation at its hold begins just before the first row, unless the user says when.
+    let mut text = String::from("Time of day,Shear strain (%),Shear stress (Pa)\n");
+    for row in 0..60 {
+        writeln!(text, "13:58:{row:02},1,{:.5}", relaxed(0.5 + f64::from(row))).expect("a string");
+    }
+    let (experiment, _) = plainly(&text).expect("a relaxation");
+    assert_eq!(experiment.control, Control::Position);
+    let (experiment, _) = told(&text, "-0.5").expect("a relaxation");
     assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6);
 }

@@ -6,6 +6,7 @@ use rand_distr::{Distribution, Normal};
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use vitreo_uq::models::model::Forward;
+use vitreo_uq::posterior::check::contradictions;
 use vitreo_uq::posterior::fit;
 use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::prepared::PreparedModel;
@@ -230,6 +231,21 @@ fn known_parameters_come_back() {
         let chi = ChiSquared::new(4.0 * N_RECORDS as f64).expect("degrees of freedom");
         let ends = [chi.inverse_cdf(1e-6), chi.inverse_cdf(1.0 - 1e-6)];
         assert!((ends[0]..ends[1]).contains(&sum), "p = {exponent}: {sum} is not within {ends:?}");
+    }
+}
+
+/// Without its approach, a record begins in the hold. A tip that was free for few rows has its approach, although the force of the free tip is unknown then.
+#[test]
+fn a_hold_without_its_approach_is_named() {
+    let csv = indentation(1.5, 1e-4, 3e-3, 1);
+    for (first_row, is_missing) in [(0, false), (90, false), (300, true)] {
+        let kept = csv.lines().enumerate().filter(|(line, _)| *line == 0 || *line > first_row);
+        let rows: String = kept.map(|(_, line)| format!("{line}\n")).collect();
+        let (experiment, files) =
+            read(&format!("[indenter]\n{}", TIPS[0].0), &format!("noise_um = 0.003\n{COLUMNS}"), &rows)
+                .expect("a record");
+        let found = contradictions(&experiment, &files.interpretation);
+        assert_eq!(found.iter().any(|own| own.kind == "approach_missing"), is_missing, "{first_row}");
     }
 }
 

@@ -84,13 +84,21 @@ impl Free {
         self.null.is_some_and(|null| self.ends.contains(&null))
     }
 
-    /// Returns the parameter's value at a coordinate. It is exact at the null and stays inside the ends, whatever the rounding: a springpot of an order just above 1 is no
-    /// dashpot.
+    /// Returns the parameter's value at a coordinate. It is exact at the null, and a coordinate inside the ends gives a value inside them, whatever the rounding: a
+    /// springpot of an order just above 1 is no dashpot.
     pub fn value(&self, theta: f64) -> f64 {
+        let value = self.coordinate.value(theta);
         match self.null_value {
-            Some(value) if self.null == Some(theta) => value,
-            _ => self.coordinate.value(theta).clamp(self.value_ends[0], self.value_ends[1]),
+            Some(null) if self.null == Some(theta) => null,
+            _ if (self.ends[0]..=self.ends[1]).contains(&theta) => value.clamp(self.value_ends[0], self.value_ends[1]),
+            _ => value,
         }
+    }
+
+    /// Limits the search to a range of values.
+    fn limit(&mut self, value_ends: [f64; 2]) {
+        self.ends = value_ends.map(|end| self.coordinate.theta(end));
+        self.value_ends = value_ends;
     }
 
     /// Returns whether the parameter is unidentified at the null of its effect.
@@ -156,7 +164,7 @@ impl Candidate {
             let null = effect.and_then(|(_, parameter)| (parameter.null)(model.scales()));
             let mut entry = free(index, spec, prior.distribution, effect.map(|(place, _)| place), null);
             if let (Some(range), Some(starts)) = (problem.learnt_range(spec.name), problem.starts_of(spec.name)) {
-                entry.ends = [range.lower, range.upper].map(|end| entry.coordinate.theta(end));
+                entry.limit([range.lower, range.upper]);
                 entry.distribution = starts;
             }
             Some(entry)

@@ -142,7 +142,7 @@ fn of_effect(
     for k in order.into_iter().chain([0]) {
         let way = &ways[k];
         if let Some(step) = smallest_step(way, guess(way), threshold, &refit)? {
-            found.smallest = Some(extended.free[place].coordinate.value(way.null[place] + step));
+            found.smallest = Some(extended.free[place].value(way.null[place] + step));
             break;
         }
     }

@@ -113,7 +113,7 @@ impl Score {
 /// Value of the first parameter at a step of its coordinate from the null.
 fn expected_parameter(free: Option<&super::Free>, step: f64) -> f64 {
     free.map_or(step, |free| match free.null {
-        Some(null) => free.coordinate.value(null + step),
+        Some(null) => free.value(null + step),
         None => step * free.coordinate.unit(0.0),
     })
 }
@@ -181,7 +181,7 @@ pub(super) fn signature(
     let Some(null) = free.null else { return Ok(None) };
     let finite = Finite::new(subject, base, fitted, candidate)?;
     let is_squared = matches!(free.coordinate, Coordinate::Square { .. });
-    let value = |theta: f64| free.coordinate.value(theta);
+    let value = |theta: f64| free.value(theta);
     let at_null = value(null);
     // The response of an effect with a finite signature grows with the square of the step, unless the coordinate is a square.
     let (unit, power) = match &finite {

@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn sizes_of_effects_have_units() {
-        assert_eq!(effect_size("tracking-drift", 1.24e-9), "1.2e-9 (m/s)");
+        assert_eq!(effect_size("tracking-drift", 1.24e-9), "1.2×10⁻⁹ (m/s)");
         assert_eq!(effect_size("force-asymmetry", 0.0312), "0.031");
     }
 

@@ -50,7 +50,7 @@ const DIAMETER: [&str; 4] = ["diameter", "specimen diameter", "sample diameter",
 /// Words in the names of columns that instruments with a tip write.
 const OF_TIP: [&str; 7] = ["indentation", "depth", "cantilever", "tip-sample", "tip sample", "piezo", "vdeflection"];
 /// Words in the names of positions that testing machines write.
-const OF_SPECIMEN: [&str; 11] = [
+pub(super) const OF_SPECIMEN: [&str; 11] = [
     "extension",
     "elongation",
     "crosshead",

@@ -35,7 +35,7 @@ use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
     inspect_tables, propose, tracks,
 };
-use record::{Control, Direction, OscillationRecord, Restarts, sweep_columns};
+use record::{Control, Direction, OscillationRecord, sweep_columns};
 
 /// Reads the table, asks the user for missing information, and writes the experiment with a copy of the table. Returns the interpretation of the table
 /// and the table's hash.
@@ -118,11 +118,7 @@ fn one(
         _ => None,
     };
     let given = creep.as_ref().map(|creep| &creep.given).or(strain_of_specimen.as_ref());
-    let given = given.unwrap_or(&request.known_columns);
-    let mut proposal = propose(place, bytes, given, ask)?;
-    if let (Some(looked), Some(_)) = (&looked, &creep) {
-        proposal = by_clock_of_step(place, bytes, given, looked, proposal, ask)?;
-    }
+    let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
     if strain_of_specimen.is_some() {
         proposal.reasons.retain(|reason| !reason.contains("although the table says"));
         proposal.reasons.push("the position is the strain times the length of the specimen".into());
@@ -152,6 +148,11 @@ fn one(
         && (proposal.holds_as_written || proposal.is_steadier && looked.as_ref().is_some_and(says_relaxation));
     let likely = if is_held_strain { Control::Position } else { proposal.control };
     let control = request.control.or(constant).unwrap_or(likely);
+    if control == Control::Position || constant.is_some() || device.is_tip() {
+        proposal.read_as_measured_force();
+    }
+    let rules = [&proposal.ramps, &proposal.until_row].into_iter().flatten().cloned().collect::<Vec<_>>();
+    proposal.reasons.extend(rules);
     let is_assumed = request.control.is_none() && constant.is_none() && control == Control::Force;
     if is_assumed && device.stress_strain().is_some() && proposal.is_steadier {
         proposal.reasons.push(format!(
@@ -259,53 +260,6 @@ fn one(
         rows_without_position: proposal.n_lost,
         unknown,
     })
-}
-
-/// Names of a clock that counts from the begin of each step of a test.
-const OF_STEP: [&str; 6] = ["t_seg", "interval time", "segment time", "step time", "action time", "time (action)"];
-
-/// The proposal for a record of stress and strain with the times of a clock that counts from each step, if the table has one and the user gives no other rule for times: a
-/// rheometer writes the first row of a step one interval after its begin. The tables that are read stay the same.
-fn by_clock_of_step(
-    place: &Path,
-    bytes: &[u8],
-    given: &TableSettings,
-    looked: &InspectedTable,
-    proposal: TableProposal,
-    ask: Ask<'_>,
-) -> Result<TableProposal> {
-    let is_of_step = |name: &&String| OF_STEP.iter().any(|word| name.to_lowercase().starts_with(word));
-    let Some(clock) = looked.columns.iter().find(is_of_step) else { return Ok(proposal) };
-    if given.columns[0].is_some() || given.time_restarts.is_some() {
-        return Ok(proposal);
-    }
-    let tables = inspect_tables(place, bytes)?;
-    let is_read = |table: &InspectedTable| {
-        let [first, last] =
-            [table.layout.first_row_line, table.layout.row_lines.last().map_or(usize::MAX, |lines| lines[1])];
-        let lines = &proposal.description.layout.row_lines;
-        lines.is_empty() || lines.iter().any(|part| part[0] <= last && part[1] >= first)
-    };
-    let numbers = tables.iter().enumerate().filter(|(_, table)| is_read(table)).map(|(at, _)| (at + 1).to_string());
-    let mut by_step = given.clone();
-    by_step.columns[0] = Some(clock.clone());
-    let restarts = if proposal.control == Control::Force { Restarts::Step } else { Restarts::Join };
-    by_step.time_restarts = Some(restarts.name().into());
-    by_step.tables = (tables.len() > 1).then(|| numbers.collect::<Vec<_>>().join(","));
-    let mut by_step = propose(place, bytes, &by_step, ask)?;
-    if by_step.n_restarts == 0 {
-        by_step.description.time_rules.restarts = None;
-    } else {
-        let acts = match restarts {
-            Restarts::Step => ", and the stress of a step acts since then",
-            Restarts::Join => "",
-        };
-        by_step.reasons.push(format!(
-            "`{clock}` counts from the begin of each step{acts} (time_restarts = \"{}\")",
-            restarts.name()
-        ));
-    }
-    Ok(by_step)
 }
 
 /// Value of the table setting that joins all tables of a file.

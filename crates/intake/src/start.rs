@@ -1,4 +1,4 @@
-//! Zero of the strains and begin of the load, where the table shows them only in its first rows.
+//! Zero of the strains and start of the load, where the table shows them only in its first rows.
 
 use super::device::Device;
 use super::stress::StressStrain;
@@ -54,7 +54,7 @@ const LATEST: f64 = 0.1;
 const SINCE_ZERO: &str = "the step began at 0, before the first row (load_start_s = 0)";
 const BEAD_SINCE_ZERO: &str = "a force acts in the first row, which is after time 0, and the body has moved before: the force is assumed to act since time 0 (load_start_s = 0); \
      correct that line if it began at another time";
-const WITH_FIRST_ROW: &str = "a force acts in the first row, which is after time 0, and is assumed to begin with it; if it began earlier, write when (load_start_s)";
+const WITH_FIRST_ROW: &str = "a load acts in the first row, which is after time 0, and is assumed to begin with it; if it began earlier, write that time (load_start_s)";
 const STEP_JUST_BEFORE: &str = "the strain of the first row, at time 0, is that of the hold: the step is assumed to have begun just before it (load_start_s), \
      and the stress of this row is left out (left_out_s), because it depends on how the strain rises";
 const LOAD_JUST_BEFORE: &str = "the strain of the first row, at time 0, is not 0, and a stress acts: the step is assumed to have begun just before it (load_start_s), \
@@ -94,10 +94,10 @@ impl Start {
             return Ok(known);
         }
         if let Some(began_s) = proposal.load_began_s {
-            return Ok(Self {
-                load_start_s: Some(began_s).filter(|began_s| *began_s < proposal.first_time_s),
-                ..known
-            });
+            let load_start_s = Some(began_s).filter(|began_s| *began_s < proposal.first_time_s);
+            // The first row is then after the step.
+            let left_out_s = known.left_out_s.filter(|_| load_start_s.is_none());
+            return Ok(Self { load_start_s, left_out_s, ..known });
         }
         let begun =
             |load_start_s: f64, reason| Ok(Self { load_start_s: Some(load_start_s), reason: Some(reason), ..known });
@@ -108,7 +108,7 @@ impl Start {
             Some(own) if own.constant.is_some() && proposal.loaded_from_s.is_some_and(|first_s| first_s > 0.0) => {
                 return begun(0.0, SINCE_ZERO);
             }
-            Some(_) if is_under_way && proposal.description.time.1.is_of_day() => {
+            Some(_) if is_under_way && control == Control::Force && proposal.description.time.1.is_of_day() => {
                 let (why, when) =
                     ("times of day do not show when it began", "-0.5` if it began 0.5 s before the first row");
                 return Err(unknown(place, why, when, control));

@@ -1,6 +1,7 @@
 //! `init` for stress and strain over time, and for published tables of a compliance or a modulus: stress is read as the force, and strain as the position
 //! (docs/experiment.md).
 
+use super::device::OF_SPECIMEN;
 use super::preamble::Preamble;
 use super::request::InitRequest;
 use base::error::{Error, InputPlace, Result, Setting};
@@ -81,6 +82,10 @@ pub(super) const UNIAXIAL: [&str; 11] = [
 const OF_LENGTH: [&str; 5] = ["engineering", "nominal", "true stress", "true strain", "stauchung"];
 /// Words in the names of columns of a rotating rheometer.
 pub(super) const ROTATION: [&str; 7] = ["torque", "shear", "rotation", "drehmoment", "scher", "schubs", "cisail"];
+/// Words in the names of the force along a rotating rheometer's axis.
+const ALONG_AXIS: [&str; 3] = ["normal", "axial", "fn"];
+/// Further words in the names of positions that testing machines write.
+const MOTION: [&str; 5] = ["displac", "déplac", "weg", "position", "travel"];
 /// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
@@ -185,17 +190,23 @@ fn said_beside(looked: &InspectedTable) -> Option<String> {
     said.or_else(gauge).or_else(|| measured_beside(looked))
 }
 
+/// True for a table of a rotation or a shear, by the names or symbols of its columns.
+fn rotates(looked: &InspectedTable) -> bool {
+    let is_of_shear = |name: &String| ["τ", "tau", "γ", "gamma"].contains(&symbol(name).as_str());
+    looked.columns.iter().any(|name| called(name, &ROTATION, &[]) || is_of_shear(name))
+}
+
 /// Reason that a force and a displacement beside stress and strain give for tension or compression: a testing machine measures both, and a rheometer neither. `None` in a
 /// table of a rotation.
 fn measured_beside(looked: &InspectedTable) -> Option<String> {
-    let column = |dimension: Dimension, others: &[&str]| {
+    let column = |dimension: Dimension, is_named: fn(&str) -> bool| {
         let mut columns = looked.columns.iter().zip(&looked.units);
         let is_one = |unit: &Option<ParsedUnit>| unit.as_ref().is_some_and(|unit| unit.dimension == dimension);
-        columns.find(|(name, unit)| is_one(unit) && !called(name, others, &[])).map(|(name, _)| name)
+        columns.find(|(name, unit)| is_one(unit) && is_named(name)).map(|(name, _)| name)
     };
-    let (force, length) = (column(Dimension::Force, &["normal"])?, column(Dimension::Length, &["gap", "spalt"])?);
-    let rotates = looked.columns.iter().any(|name| called(name, &ROTATION, &[]));
-    (!rotates).then(|| format!("`{force}` and `{length}` are columns of a testing machine"))
+    let force = column(Dimension::Force, |name| !called(name, &ALONG_AXIS, &[]))?;
+    let length = column(Dimension::Length, |name| called(name, &OF_SPECIMEN, &[]) || called(name, &MOTION, &[]))?;
+    (!rotates(looked)).then(|| format!("`{force}` and `{length}` are columns of a testing machine"))
 }
 
 /// True if a column or a line above the table names a relaxation.
@@ -484,8 +495,7 @@ impl StressStrain {
                 None => return refuse_unknown_unit(looked, given).map(|()| None),
             },
         };
-        let is_of_shear = |name: &String| ["τ", "tau", "γ", "gamma"].contains(&symbol(name).as_str());
-        let rotates = looked.columns.iter().any(|name| called(name, &ROTATION, &[]) || is_of_shear(name));
+        let rotates = rotates(looked);
         let is_uniaxial = [stress.0, strain.0].into_iter().any(|place| {
             called(name(place), &UNIAXIAL, &MULTIAXIAL)
                 || !rotates && called(name(place), &OF_LENGTH, &MULTIAXIAL)
@@ -736,6 +746,8 @@ mod tests {
             ("t [s],σ [kPa],ε [%]", 1.0),
             ("Time (s),Displacement (mm),Force (N),Strain (%),Stress (MPa)", 1.0),
             ("Time (s),Gap (mm),Normal force (N),Strain (%),Stress (Pa)", 3.0),
+            ("Temps (s),Contrainte (Pa),Déformation (%),Force axiale (N),Entrefer (mm)", 3.0),
+            ("t in s,Stress in Pa,Strain in %,Fn in N,h in mm", 3.0),
             ("Time (s),Displacement (mm),Force (N),Torque (N m),Strain (%),Stress (Pa)", 3.0),
             ("Time (s),Displacement (mm),Force (N),Shear strain (%),Stress (Pa)", 3.0),
         ] {

@@ -9,7 +9,7 @@ use super::start::Start;
 use base::quantities::Quantities;
 use base::toml_input::quoted;
 use record::table::{ColumnName, PositionColumns, TableProposal};
-use record::{Control, Direction, RELAXATION, Restarts, Zero};
+use record::{Control, Direction, RELAXATION, Zero};
 
 /// Keys of the position's coordinates in `experiment.toml`.
 pub(super) const AXES: [&str; 3] = ["position_x", "position_y", "position_z"];
@@ -96,15 +96,14 @@ pub(super) fn experiment_toml(
     if let Some(sign) = layout.thousands {
         line("thousands", quoted(sign.name()), "sign between thousands");
     }
-    if let Some(restarts) = table.time_rules.restarts {
-        let meaning = match restarts {
-            Restarts::Join => "a restarted clock continues from the row before",
-            Restarts::Step => "a restarted clock continues from the row before, where its step begins",
-        };
-        line("time_restarts", quoted(restarts.name()), meaning);
+    if table.time_rules.joins_restarts {
+        line("time_restarts", quoted("join"), "a restarted clock continues from the row before");
     }
     if table.time_rules.spreads_ties {
         line("time_ties", quoted("spread"), "equal times of a coarse clock are spread evenly");
+    }
+    if table.acts_until_row {
+        line("force_acts", quoted("until-row"), "each force has acted since the row before");
     }
     if let Some(blank) = table.blank_force {
         line(
@@ -144,7 +143,7 @@ pub(super) fn experiment_toml(
         Control::Force if proposal.has_noisy_levels => {
             line("force", quoted("levels"), "from a sensor: each hold takes its median; or \"hold\", \"linear\"");
         }
-        Control::Force if proposal.has_ramps => {
+        Control::Force if proposal.ramps.is_some() => {
             line("force", quoted("linear"), "between rows, as sampled ramps are; or \"hold\" until the next row");
         }
         Control::Force if device.is_tip() => line("force", quoted("linear"), "measured at every row"),
@@ -161,6 +160,7 @@ pub(super) fn experiment_toml(
         Some(start_s) => {
             line("load_start_s", format!("{start_s:?}"), "time at which the force of the first row began");
         }
+        None if device.is_tip() => {}
         None => {
             line("# load_start_s", "-3.0".into(), "time at which the force of the first row began, if before that row")
         }

@@ -1,6 +1,6 @@
 //! Times of a force: its longest hold and its fastest turn.
 
-/// Longest time (s) after the first load in which the force stays within `least_n` (N) of its value at the begin of that time.
+/// Longest time (s) after the first load in which the force stays within `least_n` (N) of its value at the start of that time.
 pub(crate) fn longest_hold_s(time_s: &[f64], force_n: &[f64], least_n: f64) -> f64 {
     let mut hold: Option<(f64, f64)> = None;
     let mut longest_s = 0.0_f64;

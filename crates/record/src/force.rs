@@ -200,7 +200,7 @@ const RAMP_PART: f64 = 0.1;
 /// Largest part of a ramp in one row: a larger one is a step with a drift.
 const JUMP_PART: f64 = 0.5;
 
-/// The rows from the begin to the end of each sampled ramp of the force (N): it rises or falls in every row.
+/// The rows from the start to the end of each sampled ramp of the force (N): it rises or falls in every row.
 pub fn sampled_ramps(force_n: &[f64]) -> Vec<Range<usize>> {
     let [low, high] = force_n
         .iter()

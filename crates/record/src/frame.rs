@@ -315,7 +315,7 @@ fn line_of_force(time_s: &[f64], force_n: &[f64], points: &[Option<SpacePoint>])
         .zip(force_n)
         .zip(impulses)
         .zip(points)
-        .filter_map(|(((time, force), impulse), point)| Some(([1.0, *time, *force, impulse], (*point)?)))
+        .filter_map(|(((time, force), impulse), point)| Some(([1.0, time - time_s[0], *force, impulse], (*point)?)))
         .filter(|(of_row, _)| of_row.iter().all(|value| value.is_finite()))
         .collect();
     let Some(middle) = median(rows.iter().map(|(_, point)| size(without(*point, largest))).collect()) else {

@@ -42,7 +42,7 @@ pub use scales::CharacteristicSizes;
 pub use sweep::{
     OscillationRecord, SweepColumn, SweepForm, SweepRow, columns_of, moduli_columns, rows_by_frequency, sweep_columns,
 };
-pub use times::{Restarts, TimeRules};
+pub use times::TimeRules;
 
 use base::quantities::Quantities;
 

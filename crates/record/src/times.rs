@@ -58,41 +58,21 @@ pub(super) struct TimeRows<'a> {
     pub position_m: &'a [Option<f64>],
     /// True if the forces are measured at commanded positions.
     pub is_force_measured: bool,
-}
-
-/// How the times of a clock that restarts continue from the previous row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Restarts {
-    /// The force of each run acts from its first row on.
-    Join,
-    /// The clock counts from each step: the force of a run acts since its clock's 0, which is the previous row unless the run begins at 0.
-    Step,
-}
-
-impl Restarts {
-    /// All rules, for messages.
-    pub const ALL: [Self; 2] = [Self::Join, Self::Step];
-
-    /// Word in `experiment.toml`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Join => "join",
-            Self::Step => "step",
-        }
-    }
+    /// True if each force acts until its row.
+    pub acts_until_row: bool,
 }
 
 /// Rules for times that do not ascend, from a table's description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TimeRules {
-    /// Rule for a clock that restarts; `None` if it must not.
-    pub restarts: Option<Restarts>,
+    /// True if the times of a clock that restarts continue from the previous row.
+    pub joins_restarts: bool,
     /// True if rows with equal times of a coarse clock are spread evenly.
     pub spreads_ties: bool,
 }
 
 /// Changes the times (s) according to the rules so that they ascend, and returns the changes. `starts` holds the index of each table's first row. If
-/// a table begins at the previous table's last row, its first force replaces the force of that row, unless the force is measured.
+/// a table begins at the previous table's last row, its first force replaces the force of that row, unless the forces are measured or act until their rows anyway.
 ///
 /// # Errors
 /// [`Error::Input`] at the first time that does not ascend, with the cause that the rows suggest.
@@ -102,23 +82,17 @@ pub(super) fn order_times(
     starts: &[usize],
     rows: TimeRows<'_>,
 ) -> Result<TimeChanges> {
-    let TimeRows { time_s, force_n, position_m, is_force_measured } = rows;
+    let TimeRows { time_s, force_n, position_m, is_force_measured, acts_until_row } = rows;
     let measured_n = |force_n: &[f64]| is_force_measured.then(|| force_n.iter().copied().map(Some).collect::<Vec<_>>());
     let mut ordered = TimeChanges::default();
-    if rules.restarts.is_some() {
-        let clock_s = time_s.to_vec();
+    if rules.joins_restarts {
         ordered.restart_rows = join_restarts(time_s);
-        let is_step =
-            |row: &&usize| rules.restarts == Some(Restarts::Step) && !is_force_measured && clock_s[**row] > 0.0;
-        for &row in ordered.restart_rows.iter().filter(is_step) {
-            force_n[row - 1] = force_n[row];
-        }
     }
     for &start in starts.iter().filter(|start| **start >= 2) {
         let (gap_s, before_s) = (time_s[start] - time_s[start - 1], time_s[start - 1] - time_s[start - 2]);
         if gap_s == 0.0 {
             time_s[start - 1] -= JUST_BEFORE * before_s;
-        } else if !is_force_measured && (0.0..BEGAN_BEFORE * before_s).contains(&gap_s) {
+        } else if !is_force_measured && !acts_until_row && (0.0..BEGAN_BEFORE * before_s).contains(&gap_s) {
             force_n[start - 1] = force_n[start];
         }
     }
@@ -323,33 +297,12 @@ mod tests {
                 force_n: &mut force_n,
                 position_m: &position_m,
                 is_force_measured: false,
+                acts_until_row: false,
             };
             order_times(&place, TimeRules::default(), &[0, 3], rows).expect("times that ascend");
             assert_eq!(force_n, expected_n, "{third_s}");
             assert_eq!(time_s[2] < 60.0, is_nudged, "{third_s}");
             assert!((time_s[2] - 60.0).abs() < 1e-3, "{third_s}");
-        }
-    }
-
-    /// The clock of each step counts from its begin: 0, or one interval before its first row.
-    #[test]
-    fn a_force_acts_since_the_zero_of_its_step() {
-        let place = |row: usize| InputPlace::file("t.csv").at_line(row + 2);
-        for (first_s, restarts, is_force_measured, switch, switch_s) in [
-            (0.5, Restarts::Step, false, 2, 1.5),
-            (0.5, Restarts::Join, false, 3, 2.0),
-            (0.5, Restarts::Step, true, 3, 2.0),
-            (0.0, Restarts::Step, false, 3, 1.5),
-        ] {
-            let mut time_s = [0.0, 0.5, 1.0, 0.0, 0.5, 1.0].map(|time: f64| time + first_s);
-            let mut force_n = [1.0, 1.0, 1.0, 2.0, 2.0, 2.0];
-            let position_m = [Some(0.0); 6];
-            let rows =
-                TimeRows { time_s: &mut time_s, force_n: &mut force_n, position_m: &position_m, is_force_measured };
-            let rules = TimeRules { restarts: Some(restarts), ..TimeRules::default() };
-            order_times(&place, rules, &[0], rows).expect("times that ascend");
-            assert_eq!(force_n.iter().position(|force| *force == 2.0), Some(switch), "{first_s} {restarts:?}");
-            assert_eq!(time_s[switch], switch_s, "{first_s} {restarts:?}");
         }
     }
 

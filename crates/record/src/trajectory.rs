@@ -29,6 +29,8 @@ pub(super) struct Trajectory {
     pub position_column: String,
     /// Changes that were made to the times so that they ascend.
     pub ordered: TimeChanges,
+    /// Force before the first row, in N, if each force acts until its row.
+    pub force_before_n: Option<f64>,
 }
 
 /// One row of a table in SI units, with the text of its cycle cell.
@@ -301,6 +303,7 @@ impl Trajectory {
             position_m: Vec::new(),
             others_m: Vec::new(),
             ordered: TimeChanges::default(),
+            force_before_n: None,
             position_unit_m: 1.0,
             clock_zero_s: 0.0,
             cycle: has_cycles.then(Vec::new),
@@ -356,6 +359,18 @@ impl Trajectory {
         self.lines.push(other.lines[row]);
     }
 
+    /// Force of the first row as written, in N.
+    pub(super) fn first_force_n(&self) -> f64 {
+        self.force_before_n.unwrap_or(self.force_n[0])
+    }
+
+    /// Gives each row the force of the next one, which has acted since the row. The last force goes on.
+    pub(super) fn act_until_rows(&mut self) {
+        self.force_before_n = self.force_n.first().copied();
+        let n_rows = self.force_n.len();
+        self.force_n.copy_within(1.min(n_rows).., 0);
+    }
+
     /// Inserts a row without a position before the first row, for a record that started under load. The first row's force acts from the time
     /// `start_s` (s) on, which becomes time 0.
     pub(super) fn start_under_load(&mut self, place: &InputPlace, start_s: f64) -> Result<()> {
@@ -369,7 +384,7 @@ impl Trajectory {
         }
         self.time_s.insert(0, start_s);
         self.time_s.iter_mut().for_each(|time_s| *time_s -= start_s);
-        self.force_n.insert(0, self.force_n[0]);
+        self.force_n.insert(0, self.first_force_n());
         self.position_m.insert(0, None);
         self.others_m.iter_mut().for_each(|coordinate| coordinate.insert(0, None));
         self.lines.insert(0, self.lines[0]);

@@ -69,8 +69,8 @@ pub struct InitArguments {
     /// Thousands separator: `.`, `,` or none
     #[arg(long, value_name = "SIGN")]
     thousands: Option<String>,
-    /// Treatment of times that start again. join: continue from the time of the row before; step: also, the clock counts from the begin of each force
-    #[arg(long, value_name = "RULE")]
+    /// Treatment of times that start again. join: continue from the time of the row before
+    #[arg(long, value_name = "join")]
     time_restarts: Option<String>,
     /// Treatment of equal times of a coarse clock. spread: distribute them evenly
     #[arg(long, value_name = "spread")]

@@ -46,7 +46,8 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let advice = if has_noisy_levels(&record.force_n) {
         "write `force = \"levels\"` in [measurement]: the force scatters around the levels between which it was switched, like a sensor's signal"
     } else {
-        "write `force = \"linear\"` in [measurement] if the force is a sampled curve, or `force = \"hold\"` if it was switched at every row"
+        "write `force = \"linear\"` in [measurement] if the force is a sampled curve, and add a row just before each jump, with the old force and an empty position; write \
+         `force = \"hold\"` if it was switched at every row"
     };
     Some(found("force_between_rows", is_mostly, text, advice))
 }

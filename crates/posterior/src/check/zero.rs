@@ -123,18 +123,22 @@ const SLOWER: f64 = 0.3;
 /// Smallest change of force at another switch, as a fraction of the first row's force, that is used for comparison.
 const ALIKE: f64 = 0.3;
 
-/// Smallest force of the first row, divided by the largest one, at which the approach of a tip is missing.
+/// Smallest part of the rise of a tip's force that the first row has where the approach is missing, and the least rise of an approach, divided by the largest force.
 const PRESSED: f64 = 0.5;
+const APPROACHES: f64 = 0.1;
 
-/// Finds the record of a tip that is pressed in from its first row on: neither the zero of its depth nor the begin of its load can be seen.
+/// Finds the record of a tip that is pressed in from its first row on: neither the zero of its depth nor the start of its load can be seen.
 pub(super) fn approach_missing(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let force_n = &looked.record.force_n;
     let largest_n = force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    if force_n.first()?.abs() < PRESSED * largest_n {
+    let until_largest = &force_n[..=force_n.iter().position(|force| force.abs() == largest_n)?];
+    let lowest_n = until_largest.iter().fold(largest_n, |least, force| least.min(force.abs()));
+    let rise_n = largest_n - lowest_n;
+    if rise_n > APPROACHES * largest_n && force_n[0].abs() - lowest_n < PRESSED * rise_n {
         return None;
     }
-    let text = "the tip presses from the first row on, so that its approach is missing: the depth before that row is fitted, and the load counts from that row".to_string();
-    let advice = "export the approach together with the hold; otherwise moduli may be far off";
+    let text = "the tip presses from the first row on: the approach is missing. The depth before that row is fitted, and the load counts from that row".to_string();
+    let advice = "export the approach together with the hold; moduli may be far off without it";
     Some(found("approach_missing", false, text, advice))
 }
 

@@ -3,7 +3,7 @@
 use super::spelling::{DateOrder, ParsedUnit, split_unit, unit};
 use super::text::{Decimal, Delimiter, Encoding, Thousands};
 use crate::control::Control;
-use crate::times::{Restarts, TimeRules};
+use crate::times::TimeRules;
 use base::error::Result;
 use base::toml_input::TomlTable;
 use base::units::Dimension;
@@ -163,10 +163,12 @@ pub struct TableDescription {
     pub lost: Vec<f64>,
     /// Rules for times that do not ascend.
     pub time_rules: TimeRules,
+    /// True if each force has acted until its row, from the row before on.
+    pub acts_until_row: bool,
 }
 
 /// Keys of `[measurement]` and `[actuation]` that describe a foreign table.
-pub(crate) const KEYS: [&str; 15] = [
+pub(crate) const KEYS: [&str; 16] = [
     // The first ten keys apply to every kind of table.
     "columns",
     "units",
@@ -183,6 +185,7 @@ pub(crate) const KEYS: [&str; 15] = [
     "lost",
     "time_restarts",
     "time_ties",
+    "force_acts",
 ];
 
 /// Keys of `[measurement]` that describe a rheometer's table of moduli.
@@ -261,9 +264,10 @@ impl TableDescription {
             blank_force: read_choice(measurement, "blank_force", &BlankForce::ALL, BlankForce::name)?,
             lost: Vec::new(),
             time_rules: TimeRules {
-                restarts: read_choice(measurement, "time_restarts", &Restarts::ALL, Restarts::name)?,
+                joins_restarts: read_choice(measurement, "time_restarts", &["join"], |word| word)?.is_some(),
                 spreads_ties: read_choice(measurement, "time_ties", &["spread"], |word| word)?.is_some(),
             },
+            acts_until_row: read_choice(measurement, "force_acts", &["until-row"], |word| word)?.is_some(),
         })
     }
 

@@ -11,6 +11,7 @@ mod read;
 mod roles;
 mod several;
 mod spelling;
+mod steps;
 mod text;
 mod unread;
 

@@ -13,6 +13,7 @@ use super::several::{ask_table, chosen_tables, describe_summaries, describe_tabl
 use super::spelling::{
     ParsedUnit, clock_s, counted, hours_minutes_s, is_date_time, is_hours_minutes, split_unit, unit,
 };
+use super::steps::{StepClock, is_of_step};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::{Control, answers_after_jumps, holds_as_written, is_steadier, nothing_holds};
 use crate::force::{has_noisy_levels, sampled_ramps};
@@ -20,7 +21,7 @@ use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against
 use crate::lost::repeated_outliers;
 use crate::noise::written_step_m;
 use crate::robust::{SD_PER_MAD, median};
-use crate::times::{Restarts, TimeRules};
+use crate::times::TimeRules;
 use crate::trajectory::{Trajectory, is_lost};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
@@ -38,6 +39,8 @@ const FEWEST_SMALL: usize = 2;
 const GOES_ON: f64 = 0.1;
 /// Longest pause of the clock between two tables of one recording, as a multiple of the intervals between rows beside it.
 const LONGEST_PAUSE: f64 = 3.0;
+/// Longest time of a jump, as a fraction of the mean interval between rows.
+const AT_ONCE: f64 = 0.01;
 /// Largest distance of a position from 0 at which it counts as 0, as a fraction of the positions' range.
 const NEAR_ZERO: f64 = 0.02;
 
@@ -50,8 +53,10 @@ pub struct TableProposal {
     pub frame: Frame,
     /// True if the force is constant in every hold, apart from a sensor's noise.
     pub has_noisy_levels: bool,
-    /// True if the force has sampled ramps between its holds, so that it is linear between rows.
-    pub has_ramps: bool,
+    /// Why the force is linear between rows, if it has sampled ramps between its holds.
+    pub ramps: Option<String>,
+    /// Why each force has acted until its row, if a clock of steps shows that.
+    pub until_row: Option<String>,
     /// Quantity that the experiment most likely commanded.
     pub control: Control,
     /// True if the position as written stays near one value while the force drifts by more, which shows a relaxation if the position has a zero of its own, as a strain has.
@@ -68,8 +73,6 @@ pub struct TableProposal {
     pub n_rows: usize,
     /// Number of rows without a position.
     pub n_lost: usize,
-    /// Number of times that the clock starts again.
-    pub n_restarts: usize,
     /// Duration of the record, in s.
     pub duration_s: f64,
     /// True if a commanded position jumps and acts from its row on, as the force shows.
@@ -195,6 +198,11 @@ impl TableProposal {
         );
     }
 
+    /// Drops what the forces of the table say of a commanded force.
+    pub fn read_as_measured_force(&mut self) {
+        (self.ramps, self.until_row, self.description.acts_until_row) = (None, None, false);
+    }
+
     /// Replaces a fitted zero for a commanded position, which has no noise: positions count from those before the force acts, or from the first row.
     pub fn count_commanded_positions(&mut self) {
         if self.frame.zero != Zero::Fit {
@@ -253,6 +261,16 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
             "{why} at {began_s} s (load_start_s), and the rows before line {line} are left out (first_row_line)"
         ));
     }
+    let mut steps = described.clock_of_steps(&description, &trajectory);
+    if let Some(clock) = steps.as_ref().filter(|clock| clock.is_single() && given.columns[0].is_none()) {
+        let (time, single) = (described.column_name(clock.at), TimeFormat::Unit(clock.unit.clone()));
+        if time != description.time.0 {
+            reasons.push(format!("the times are those of {}, which counts from the start of the step", spoken(&time)));
+            description.time = (time, single);
+            trajectory = described.completed(&mut description, &mut Vec::new())?;
+            steps = described.clock_of_steps(&description, &trajectory);
+        }
+    }
     let has_noisy_levels = has_noisy_levels(&trajectory.force_n);
     if has_noisy_levels {
         reasons.push(
@@ -260,6 +278,18 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         );
     }
     let ramps = if has_noisy_levels { None } else { ramps_between_holds(&trajectory) };
+    let is_creep = Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Force;
+    let until_row = steps
+        .as_ref()
+        .filter(|clock| ramps.is_none() && is_creep && clock.acts_until_rows(&trajectory.time_s, &trajectory.force_n))
+        .map(|clock| {
+            let name = spoken(&described.column_name(clock.at));
+            format!("{name} shows that each step starts with the last row of the step before: each force has acted until its row (force_acts = \"until-row\")")
+        });
+    if until_row.is_some() {
+        description.acts_until_row = true;
+        trajectory = described.completed(&mut description, &mut Vec::new())?;
+    }
     let ends = |values: &mut dyn Iterator<Item = f64>| {
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
     };
@@ -290,11 +320,9 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         true => Control::likely(&trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };
-    let ramps = ramps.filter(|_| control == Control::Force && description.force.is_some());
-    let has_ramps = ramps.is_some();
-    reasons.extend(ramps);
+    let ramps = ramps.filter(|_| description.force.is_some());
     let largest_n = trajectory.force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    Ok(TableProposal {
+    let mut proposal = TableProposal {
         columns: named_columns(tables[0]),
         acts_from_row: control == Control::Position && answers_after_jumps(&trajectory.force_n, &trajectory.position_m),
         starts_loaded: trajectory.force_n.iter().take(2).any(|force| 3.0 * force.abs() > largest_n),
@@ -303,8 +331,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         reasons,
         n_rows: trajectory.time_s.len(),
         n_lost: trajectory.position_m.iter().filter(|x| x.is_none()).count(),
-        n_restarts: trajectory.ordered.restart_rows.len(),
-        loaded_from_s: trajectory.time_s.first().copied().filter(|_| trajectory.force_n.first() != Some(&0.0)),
+        loaded_from_s: trajectory.time_s.first().copied().filter(|_| trajectory.first_force_n() != 0.0),
         duration_s: trajectory.time_s.last().zip(trajectory.time_s.first()).map_or(0.0, |(last, first)| last - first),
         force_n: ends(&mut trajectory.force_n.iter().copied()),
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
@@ -318,11 +345,20 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         frame,
         nothing_holds: is_along && nothing_holds(&trajectory.force_n, &trajectory.position_m),
         has_noisy_levels,
-        has_ramps,
+        ramps,
+        until_row,
         control,
         holds_as_written,
         is_steadier,
-    })
+    };
+    let is_begun = match control {
+        Control::Force => proposal.loaded_from_s.is_some(),
+        Control::Position => proposal.starts_at_hold(),
+    };
+    if let Some(clock) = steps.filter(|_| is_begun && idle.is_none()) {
+        proposal.load_began_s = Some(clock.first_start_s()).filter(|start_s| *start_s < proposal.first_time_s);
+    }
+    Ok(proposal)
 }
 
 /// Words in the name of a column whose times are times of day.
@@ -342,6 +378,8 @@ fn clock_format(name: &str, cell: &str) -> Result<TimeFormat> {
     let of_parts = if is_elapsed { TimeFormat::Elapsed } else { TimeFormat::Clock };
     let unit_s = split_unit(name).1.filter(|unit| unit.dimension == Dimension::Time).map(|unit| unit.to_si(1.0));
     match hours_minutes_s(cell) {
+        // A day's recording seldom begins at midnight.
+        None if clock_s(cell) == Some(0.0) => Ok(TimeFormat::Elapsed),
         None => Ok(of_parts),
         Some(_) if has_hours && !says(&["h:mm:ss"]) || unit_s == Some(3600.0) => Ok(TimeFormat::HoursMinutes),
         Some(_) if is_elapsed || has_hours => Ok(of_parts),
@@ -511,13 +549,7 @@ impl DescribedFile<'_> {
                 ));
             }
         }
-        // Names that stand in several lines of a preamble are not found again by name.
-        let name_at = |at: usize| match header.names.get(at).filter(|_| header.line.is_some()) {
-            Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
-                ColumnName::Named(name.clone())
-            }
-            _ => ColumnName::Number(at + 1),
-        };
+        let name_at = |at: usize| self.column_name(at);
         let name = |role: Role| columns[role as usize].map(name_at);
         let wanted = |role: Role| name(role).unwrap_or(ColumnName::Number(1));
         let unit_at = |at: usize| header.units.get(at).and_then(Option::as_ref);
@@ -572,16 +604,39 @@ impl DescribedFile<'_> {
             blank_force: self.blank_force(force_at, reasons, ask)?,
             lost: Vec::new(),
             time_rules: TimeRules {
-                restarts: one_of(
-                    Setting::TimeRestarts,
-                    given.time_restarts.as_deref(),
-                    &Restarts::ALL,
-                    Restarts::name,
-                )?,
-                spreads_ties: one_of(Setting::TimeTies, given.time_ties.as_deref(), &["spread"], |word| word)?
-                    .is_some(),
+                joins_restarts: one_word(Setting::TimeRestarts, given.time_restarts.as_deref(), "join")?,
+                spreads_ties: one_word(Setting::TimeTies, given.time_ties.as_deref(), "spread")?,
             },
+            acts_until_row: false,
         })
+    }
+
+    /// Name of the column with the index `at`, or its number. Names that stand in several lines of a preamble are not found again by name.
+    fn column_name(&self, at: usize) -> ColumnName {
+        let header = self.header();
+        match header.names.get(at).filter(|_| header.line.is_some()) {
+            Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
+                ColumnName::Named(name.clone())
+            }
+            _ => ColumnName::Number(at + 1),
+        }
+    }
+
+    /// Clock of steps beside the times of a trajectory, or these times themselves; `None` without one.
+    fn clock_of_steps(&self, description: &TableDescription, trajectory: &Trajectory) -> Option<StepClock> {
+        let (header, layout) = (self.header(), &description.layout);
+        let at = header.names.iter().position(|name| is_of_step(name))?;
+        let own = match &description.time {
+            (name, TimeFormat::Unit(unit)) if *name == self.column_name(at) => Some(unit),
+            _ => header.units.get(at)?.as_ref().filter(|unit| unit.dimension == Dimension::Time),
+        };
+        let unit = own?.clone();
+        let since_s = trajectory.lines.iter().map(|line| {
+            let row = cells(self.lines[line - 1], layout.delimiter);
+            layout.number(row.get(at)?).map(|number| unit.to_si(number))
+        });
+        let since_s = since_s.collect::<Option<Vec<f64>>>()?;
+        StepClock::new((at, unit), &trajectory.time_s, &since_s)
     }
 
     /// True if lines other than blank lines and comments follow the last row that is read.
@@ -730,7 +785,7 @@ impl DescribedFile<'_> {
     /// Returns why several tables are not one recording; `None` if they are. In one recording, each table's clock continues that of the previous table without a
     /// pause, or its position starts near the end of the previous table.
     fn separation(&self, description: &TableDescription) -> Result<Option<&'static str>> {
-        let joined = with_times(description, TimeRules { restarts: Some(Restarts::Join), spreads_ties: true });
+        let joined = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         let Trajectory { time_s, position_m, lines, ordered, .. } = read_described(self.file, self.text, &joined)?;
         let rows_of = |table: &TableBlock| {
             let [first, last] = table.lines();
@@ -804,20 +859,17 @@ impl DescribedFile<'_> {
             Ok(trajectory)
         };
         let told = description.time_rules;
-        let lenient = with_times(
-            description,
-            TimeRules { restarts: Some(told.restarts.unwrap_or(Restarts::Join)), spreads_ties: true },
-        );
+        let lenient = with_times(description, TimeRules { joins_restarts: true, spreads_ties: true });
         if let Ok(trajectory) = read(&lenient) {
             let restarts = &trajectory.ordered.restart_rows;
             // If the clock restarts only at the first rows of cycles or tables, the rows belong to one recording.
             let cycle_begins = |row: usize| trajectory.cycle.as_ref().is_some_and(|cycle| cycle[row] > cycle[row - 1]);
             let table_begins = |row: usize| self.tables.iter().any(|table| table.lines()[0] == trajectory.lines[row]);
             if !restarts.is_empty()
-                && told.restarts.is_none()
+                && !told.joins_restarts
                 && restarts.iter().all(|row| cycle_begins(*row) || table_begins(*row))
             {
-                description.time_rules.restarts = Some(Restarts::Join);
+                description.time_rules.joins_restarts = true;
                 reasons.push(format!(
                     "the clock restarts {} times and is assumed to continue from the previous row (time_restarts = \"join\")",
                     restarts.len()
@@ -878,7 +930,7 @@ impl DescribedFile<'_> {
 
 /// Reason for which a force is linear between rows: it has sampled ramps, and holds in most other rows. `None` without such ramps.
 fn ramps_between_holds(trajectory: &Trajectory) -> Option<String> {
-    let Trajectory { force_n, lines, .. } = trajectory;
+    let Trajectory { time_s, force_n, lines, .. } = trajectory;
     let ramps = sampled_ramps(force_n);
     let first = ramps.first()?;
     let n_changes = force_n.windows(2).filter(|pair| pair[0] != pair[1]).count();
@@ -886,16 +938,19 @@ fn ramps_between_holds(trajectory: &Trajectory) -> Option<String> {
         return None;
     }
     let is_in_ramp = |row: usize| ramps.iter().any(|ramp| ramp.contains(&row) && row > ramp.start);
-    let jump = (1..force_n.len()).find(|row| force_n[*row] != force_n[row - 1] && !is_in_ramp(*row));
-    let of_jump = jump.map_or(String::new(), |row| {
+    let least_s = AT_ONCE * (time_s.last()? - time_s.first()?) / time_s.len() as f64;
+    let is_jump = |row: &usize| force_n[*row] != force_n[row - 1] && time_s[*row] - time_s[row - 1] > least_s;
+    let jumps: Vec<usize> = (1..force_n.len()).filter(|row| is_jump(row) && !is_in_ramp(*row)).collect();
+    let of_jumps = jumps.first().map_or(String::new(), |first| {
         format!(
-            "; the jump before line {} then takes the interval between its rows: give it a row just before its time, with the old force and an empty position",
-            lines[row]
+            "; it also jumps, first in line {} ({} in all): give each jump a row just before its time, with the old force and an empty position, because it takes the whole interval otherwise",
+            lines[*first],
+            jumps.len()
         )
     });
     let [from, to] = [lines[first.start], lines[first.end - 1]];
     Some(format!(
-        "the force changes in every row from line {from} to line {to}, as a sampled ramp does: it is linear between rows (force = \"linear\"){of_jump}"
+        "the force changes in every row from line {from} to line {to}, as a sampled ramp does: it is linear between rows (force = \"linear\"){of_jumps}"
     ))
 }
 
@@ -928,16 +983,15 @@ fn with_times(description: &TableDescription, time_rules: TimeRules) -> TableDes
     TableDescription { time_rules, ..description.clone() }
 }
 
-/// The value of a setting by its word; `None` if the user does not give it.
-fn one_of<T: Copy>(setting: Setting, given: Option<&str>, all: &[T], name: fn(T) -> &'static str) -> Result<Option<T>> {
-    let Some(given) = given else { return Ok(None) };
-    let words = || all.iter().map(|one| name(*one));
-    match all.iter().find(|one| name(**one) == given) {
-        Some(one) => Ok(Some(*one)),
-        None => Err(Error::input(
+/// True if the user gives a setting whose only allowed value is `word`. Another value is an error.
+fn one_word(setting: Setting, given: Option<&str>, word: &str) -> Result<bool> {
+    match given {
+        None => Ok(false),
+        Some(given) if given == word => Ok(true),
+        Some(other) => Err(Error::input(
             InputPlace::setting(setting),
-            format!("unknown `{given}`"),
-            format!("give {}", words().map(|word| format!("`{setting} {word}`")).collect::<Vec<_>>().join(" or ")),
+            format!("unknown `{other}`"),
+            format!("give `{setting} {word}`"),
         )),
     }
 }
@@ -1115,7 +1169,7 @@ struct Idle {
     n_rows: usize,
     /// Time at which the load or the step began, in s of the table's clock.
     began_s: f64,
-    /// Reason in words, as the begin of a sentence.
+    /// Reason in words, as the start of a sentence.
     why: &'static str,
 }
 
@@ -1158,7 +1212,7 @@ const MISSING: f64 = 3.0;
 
 /// Smallest ratio of the intervals at the end of a hold to those at its begin at which the rows grow sparser, as those of a logarithmic clock do.
 const GROWS: f64 = 2.0;
-/// Number of intervals at the begin of a hold.
+/// Number of intervals at the start of a hold.
 const FIRST_INTERVALS: usize = 5;
 
 /// The rows before time 0 of the clock, if the commanded quantity jumps from 0 to its hold between two rows on either side of that time, and rows are missing there. A row at

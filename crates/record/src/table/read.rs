@@ -224,8 +224,12 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         time_s: &mut trajectory.time_s,
         force_n: &mut trajectory.force_n,
         position_m: &trajectory.position_m,
+        acts_until_row: description.acts_until_row,
     };
     trajectory.ordered = order_times(&place, description.time_rules, &starts, rows)?;
+    if description.acts_until_row && !is_force_measured {
+        trajectory.act_until_rows();
+    }
     trajectory.clock_zero_s = clock.first_s.unwrap_or(0.0);
     Ok(trajectory)
 }

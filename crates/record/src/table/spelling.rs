@@ -466,6 +466,9 @@ mod tests {
             ("Inches", "inches", 0.0254),
             ("mHz", "mHz", 1e-3),
             ("MPA", "MPa", 1e6),
+            ("[mmHg]", "mmHg", 133.322_387_415),
+            ("(cmH2O)", "cmH2O", 98.0665),
+            ("ksi", "ksi", 6_894_757.293_168),
         ] {
             let found = unit(text).unwrap_or_else(|| panic!("{text}"));
             assert_eq!((found.name.as_str(), found.to_si(1.0)), (name, value), "{text}");
