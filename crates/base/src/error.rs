@@ -186,6 +186,10 @@ settings! {
     TimeTies "time_ties"
     /// Unit of the time in a table.
     TimeUnit "unit_time"
+    /// Unit of the frequency in a table of moduli.
+    FrequencyUnit "unit_frequency"
+    /// Unit of the moduli of an oscillation.
+    ModuliUnit "unit_moduli"
     /// Unit of the force in a table.
     ForceUnit "unit_force"
     /// Unit of the position in a table.

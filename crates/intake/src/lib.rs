@@ -25,7 +25,7 @@ pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
 use self::stress::{StressStrain, says_relaxation, strain_of_specimen};
-use self::sweep::describe_sweep;
+use self::sweep::{describe_sweep, with_told_units};
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, write_together};
@@ -126,7 +126,10 @@ fn one(
     proposal.load_began_s = request.load_began_s(&proposal)?.or(proposal.load_began_s);
     refuse_changed_numbers(place, &request.known_columns, &proposal)?;
     let mut device = match creep {
-        Some(creep) => {
+        Some(mut creep) => {
+            if let Some(looked) = looked.as_ref().filter(|_| request.specimen.iter().any(Option::is_some)) {
+                creep.take_for_tension(looked, "sizes of a specimen between grips or plates are given");
+            }
             creep.refuse_large_plain(proposal.farthest_written_m())?;
             if !is_stretch(&proposal, Some(&creep)) {
                 proposal.reasons.extend(creep.plain_remark());
@@ -177,7 +180,7 @@ fn one(
         );
         proposal.read_as_stretches();
         if let (Device::StressStrain(creep), Some(looked)) = (&mut device, &looked) {
-            creep.take_stretch_for_tension(looked);
+            creep.take_for_tension(looked, "a stretch is one of tension");
         }
     } else if has_absolute_strain(device.stress_strain(), control)
         || start.is_under_way
@@ -381,6 +384,7 @@ fn oscillation(
         return Ok(None);
     }
     let Some(columns) = sweep_columns(looked, given)? else { return Ok(None) };
+    let looked = &with_told_units(looked, given, &columns)?;
     refuse_changed_columns(&source.place, looked, &columns)?;
     let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
     summary.reasons.extend(unused_sizes_remark(request));

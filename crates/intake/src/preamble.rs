@@ -57,8 +57,16 @@ pub(super) struct StatedValue {
 }
 
 impl<'a> Preamble<'a> {
-    /// Line that says that the specimen is tested in tension, compression or bending. `None` without such a line, or if another line names shear.
+    /// Line that says that the specimen is tested in tension, compression or bending. `None` without such a line, or if another line names shear. The name of a step, such as
+    /// `Axial - 1`, says more than the geometry, whose plates may be those of a rheometer.
     pub fn uniaxial_line(self) -> Option<&'a str> {
+        let is_axial = |line: &str| {
+            let lower = line.to_lowercase();
+            lower.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty()).eq(["axial"])
+        };
+        if let Some((_, line)) = self.0.iter().find(|(_, line)| is_axial(line)) {
+            return Some(line.trim());
+        }
         let of_test = || {
             let lines = self.0.iter().map(|(_, line)| (line.trim(), line.to_lowercase()));
             lines.filter(|(_, lower)| KEYS.iter().any(|key| lower.contains(key)))
@@ -173,6 +181,10 @@ mod tests {
             assert_eq!(line_of(&format!("Sample: gel\n{line}")).as_deref(), Some(line));
             assert_eq!(line_of(&format!("Geometry: parallel plate\n{line}")), None);
         }
+        assert_eq!(
+            line_of("Geometry: parallel plate\n- Axial Compliance [m/N]: 1E-6\nAxial - 1\t\t").as_deref(),
+            Some("Axial - 1")
+        );
         for line in
             ["Clamp: shear sandwich", "Surface tension of the test liquid 72 mN/m", "Sample: compression stockings", ""]
         {

@@ -14,19 +14,11 @@ pub(super) fn has_absolute_strain(stress_strain: Option<&StressStrain>, control:
     stress_strain.is_some_and(|own| control == Control::Position && !own.is_of_specimen || own.constant.is_some())
 }
 
-/// Smallest ratio of the largest value on one side of 0 to that on the other at which a quantity counts as one-sided.
-const ONE_SIDED: f64 = 10.0;
-
-/// True if forces and written positions are one-sided, on opposite sides of 0: a commanded strain and the stress that it causes have one sign.
+/// True if stress and strain as written have opposite signs: a commanded strain and the stress that it causes have one sign.
 pub(super) fn opposes(proposal: &TableProposal) -> bool {
-    let side = |[low, high]: [f64; 2]| match () {
-        () if high > 0.0 && high > -ONE_SIDED * low => 1,
-        () if low < 0.0 && -low > ONE_SIDED * high => -1,
-        () => 0,
-    };
     // A specimen that rests in the hold of the first row shows a change of the strain, which may have another sign.
     let is_at_rest = proposal.loaded_from_s.is_none() && proposal.starts_at_hold();
-    !is_at_rest && side(proposal.force_n) * side(proposal.position_m) < 0
+    !is_at_rest && proposal.has_opposite_signs
 }
 
 /// Largest time of the first loaded row at which a rheometer's load still counts as begun at time 0, divided by the record's duration.

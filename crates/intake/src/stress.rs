@@ -536,11 +536,11 @@ impl StressStrain {
         }
     }
 
-    /// Takes a stretch for tension, unless a column says otherwise: a shear has no stretch.
-    pub fn take_stretch_for_tension(&mut self, looked: &InspectedTable) {
+    /// Takes the test for one of tension or compression, unless a column says otherwise.
+    pub fn take_for_tension(&mut self, looked: &InspectedTable, because: &str) {
         if self.compliance != 1.0 && !looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[])) {
             self.compliance = 1.0;
-            self.uniaxial_because = Some("a stretch is one of tension".into());
+            self.uniaxial_because = Some(because.into());
         }
     }
 

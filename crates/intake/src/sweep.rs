@@ -1,18 +1,21 @@
 //! `init` for a rheometer's oscillation: writes a description of the table.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use super::preamble::Preamble;
 use super::source::TableSource;
 use super::stress::{COMPLIANCE, MULTIAXIAL, UNIAXIAL, called};
-use base::error::{Error, InputPlace, Result};
+use base::error::{Error, InputPlace, Result, Setting};
 use base::toml_input::quoted;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
-use record::table::{InspectedTable, ParsedUnit, bracketed, is_angular};
+use record::table::{InspectedTable, ParsedUnit, TableSettings, bracketed, is_angular, unit};
 use record::{OSCILLATION, SweepColumn};
 
+/// Ways to write 1/s in a name. An angular frequency in it is one in rad/s.
+const PER_SECOND: [&str; 4] = ["1/s", "s-1", "s^-1", "s⁻¹"];
 /// Words by which a column of viscosities is recognised.
 pub(super) const VISCOSITY: [&str; 5] = ["viscosity", "viskosität", "viscosité", "viscosidad", "viscosità"];
 
@@ -64,20 +67,20 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
         None if *column == SweepColumn::LossTangent => Some(ParsedUnit::one()),
         stated => stated.clone(),
     };
-    let missing: Vec<String> = columns
+    let missing: BTreeSet<String> = columns
         .iter()
         .filter(|column| found(column).is_none())
         .map(|(column, place)| {
             let name = &looked.columns[*place];
-            let is_angular = is_angular(name);
-            // A bracket holds another unit, in place of which the right one is written.
-            let name = bracketed(name);
-            let name = name.map_or(looked.columns[*place].as_str(), |(stem, _)| stem.trim_end());
             match column.dimension() {
-                Dimension::Frequency if is_angular => format!("`{name} [rad/s]`"),
-                Dimension::Frequency => format!("`{name} [Hz]` or `{name} [rad/s]`"),
-                Dimension::Angle => format!("`{name} [deg]` or `{name} [rad]`"),
-                _ => format!("`{name} [Pa]` or `{name} [kPa]`"),
+                Dimension::Frequency if is_angular(name) => format!("`{} rad/s`", Setting::FrequencyUnit),
+                Dimension::Frequency => format!("`{0} Hz` or `{0} rad/s`", Setting::FrequencyUnit),
+                // A bracket holds another unit, in place of which the right one is written.
+                Dimension::Angle => {
+                    let stem = bracketed(name).map_or(name.as_str(), |(stem, _)| stem.trim_end());
+                    format!("the name `{stem} [deg]` or `{stem} [rad]`")
+                }
+                _ => format!("`{0} Pa` or `{0} kPa`", Setting::ModuliUnit),
             }
         })
         .collect();
@@ -85,12 +88,44 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
         Error::input(
             InputPlace::file(place),
             "the table does not state all units of the oscillation, or states unknown ones",
-            format!(
-                "write them into the names of the columns, and convert numbers in other units: {}",
-                missing.join("; ")
-            ),
+            format!("give them: {}", missing.into_iter().collect::<Vec<_>>().join("; ")),
         )
     })
+}
+
+/// The table with the units that the user gives, and with rad/s for an angular frequency in 1/s.
+///
+/// # Errors
+/// [`Error::Input`] for a text that is no unit of the quantity.
+pub(super) fn with_told_units(
+    looked: &InspectedTable,
+    given: &TableSettings,
+    columns: &[(SweepColumn, usize)],
+) -> Result<InspectedTable> {
+    let mut looked = looked.clone();
+    for (column, place) in columns {
+        let (told, setting) = match column.dimension() {
+            Dimension::Frequency => (&given.sweep_units[0], Setting::FrequencyUnit),
+            Dimension::Pressure => (&given.sweep_units[1], Setting::ModuliUnit),
+            _ => continue,
+        };
+        let Some(told) = told else {
+            let name = &looked.columns[*place];
+            if looked.units[*place].is_none() && is_angular(name) && PER_SECOND.iter().any(|text| name.contains(text)) {
+                looked.units[*place] = unit("rad/s");
+            }
+            continue;
+        };
+        looked.units[*place] =
+            Some(unit(told).filter(|unit| unit.dimension == column.dimension()).ok_or_else(|| {
+                let remedy = match column.dimension() {
+                    Dimension::Frequency => "give `Hz`, `kHz`, `mHz` or `rad/s`",
+                    _ => "give `Pa`, `kPa`, `MPa` or another unit of pressure",
+                };
+                Error::input(InputPlace::setting(setting), format!("`{told}` is no unit of this quantity"), remedy)
+            })?);
+    }
+    Ok(looked)
 }
 
 /// True if a word of a column's name is a symbol with or without a sign, such as E or E′.

@@ -66,14 +66,17 @@ const STEADY: f64 = 0.1;
 const RAMPING: f64 = 0.3;
 
 impl Control {
-    /// The quantity that an experiment most likely commanded, from the force (N) and the position (m) of each row. A quantity that only jumps, while the other one changes
+    /// The quantity that an experiment most likely commanded, from the time (s), the force (N) and the position (m) of each row. A quantity that only jumps, while the other one changes
     /// smoothly, is commanded. Otherwise it is the position if it holds for most of the time while the force drifts, or if it changes at a much steadier rate than the force;
     /// otherwise the force.
-    pub(super) fn likely(force_n: &[f64], position_m: &[Option<f64>]) -> Self {
+    pub(super) fn likely(time_s: &[f64], force_n: &[f64], position_m: &[Option<f64>]) -> Self {
+        let known_s = time_s.iter().zip(position_m).filter_map(|(time, position)| position.map(|_| *time));
+        let time_s: Vec<f64> = known_s.collect();
         let (force_n, position_m) = known_rows(force_n, position_m);
         match [(&force_n, &position_m), (&position_m, &force_n)].map(|(command, answer)| is_command(command, answer)) {
             [true, false] => Self::Force,
             [false, true] => Self::Position,
+            _ if is_at_one_rate(&time_s, &position_m, &force_n) => Self::Position,
             _ => Changes { force: changes(&force_n), position: changes(&position_m) }.control(),
         }
     }
@@ -240,10 +243,6 @@ impl Changes {
     fn control(&self) -> Control {
         let Self { force, position } = self;
         let is_held = |change: &f64| change.abs() < HELD;
-        let spread = rate_spread(position);
-        if spread < STEADY && rate_spread(force) > 3.0 * spread && has_trend(force) {
-            return Control::Position;
-        }
         if (position.iter().filter(|change| is_held(change)).count() as f64) < MOSTLY * position.len().max(1) as f64 {
             return Control::Force;
         }
@@ -260,6 +259,31 @@ impl Changes {
         let drifts = longest.is_some_and(|(_, force)| drifts(&force[1..]));
         if is_trend || drifts { Control::Position } else { Control::Force }
     }
+}
+
+/// True if the position changes at a much steadier rate in time than the force.
+fn is_at_one_rate(time_s: &[f64], position_m: &[f64], force_n: &[f64]) -> bool {
+    let [position, force] = [position_m, force_n].map(|values| rates(time_s, values));
+    let spread = rate_spread(&position);
+    spread < STEADY && rate_spread(&force) > 3.0 * spread && has_trend(&force)
+}
+
+/// Mean rates of a quantity between parts of equal duration, in ranges for each part. Rows may be denser in some of them. Times that do not ascend count as rows.
+fn rates(time_s: &[f64], values: &[f64]) -> Vec<f64> {
+    let ascend = time_s.windows(2).all(|pair| pair[0] < pair[1]);
+    let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return Vec::new() };
+    let place = |row: usize| match ascend {
+        true => (time_s[row] - first_s) / (last_s - first_s),
+        false => row as f64 / values.len() as f64,
+    };
+    let part = |row: usize| (MOST_BLOCKS as f64 * place(row)).min(MOST_BLOCKS as f64 - 1.0) as usize;
+    let rows: Vec<usize> = (0..values.len()).collect();
+    let mean =
+        |rows: &[usize], of: &dyn Fn(usize) -> f64| rows.iter().map(|row| of(*row)).sum::<f64>() / rows.len() as f64;
+    let parts = rows.chunk_by(|a, b| part(*a) == part(*b));
+    let means: Vec<[f64; 2]> = parts.map(|rows| [mean(rows, &place), mean(rows, &|row| values[row])]).collect();
+    let range = range_with_zero(values) * MOST_BLOCKS as f64;
+    means.windows(2).map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]) / range).collect()
 }
 
 /// Sizes of the changes in which a quantity moves. One that holds has a few large changes, and is at rest or noise between them.
@@ -295,11 +319,26 @@ fn are_mostly(alike: &[bool]) -> bool {
 
 /// Changes of a quantity from block to block of rows, as parts of its range. The range includes 0, at which every record starts.
 fn changes(values: &[f64]) -> Vec<f64> {
-    let range =
-        values.iter().fold(0.0_f64, |most, x| most.max(*x)) - values.iter().fold(0.0_f64, |least, x| least.min(*x));
+    let range = range_with_zero(values);
     let mean = |block: &[f64]| block.iter().sum::<f64>() / block.len() as f64;
     let means: Vec<f64> = values.chunks(values.len().div_ceil(MOST_BLOCKS).max(1)).map(mean).collect();
     means.windows(2).map(|pair| if range > 0.0 { (pair[1] - pair[0]) / range } else { 0.0 }).collect()
+}
+
+/// Range of values and 0, at which every record starts.
+fn range_with_zero(values: &[f64]) -> f64 {
+    values.iter().fold(0.0_f64, |most, x| most.max(*x)) - values.iter().fold(0.0_f64, |least, x| least.min(*x))
+}
+
+/// Smallest part of the products of force and motion that has one sign, so that this is the sign of the response.
+const ONE_SIGN: f64 = 0.9;
+
+/// True if a measured force opposes the motion of a commanded position from `zero_m`: nearly all products of the two are below 0, whatever their noise from row to row is.
+pub(super) fn opposes(force_n: &[f64], position_m: &[Option<f64>], zero_m: f64) -> bool {
+    let (force_n, position_m) = known_rows(force_n, position_m);
+    let products = force_n.iter().zip(&position_m).map(|(force, x)| force * (x - zero_m));
+    let [below, sum] = products.fold([0.0, 0.0], |[below, sum], x| [below + f64::max(0.0, -x), sum + x.abs()]);
+    below > ONE_SIGN * sum
 }
 
 impl Trajectory {
@@ -342,7 +381,8 @@ mod tests {
     fn control(force: impl Fn(f64) -> f64, position: impl Fn(f64) -> f64) -> Control {
         let rows = (0..1200).map(|row| 0.05 * f64::from(row)).map(|t| (force(t), Some(position(t))));
         let (force_n, position_m): (Vec<f64>, Vec<Option<f64>>) = rows.unzip();
-        Control::likely(&force_n, &position_m)
+        let time_s: Vec<f64> = (0..1200).map(f64::from).collect();
+        Control::likely(&time_s, &force_n, &position_m)
     }
 
     /// A ramp, then a hold whose force decays beneath noise that exceeds its change from row to row.
@@ -374,6 +414,28 @@ mod tests {
         assert!(nothing_holds(&rows(&force), &some(rows(&triangle))));
         assert!(!nothing_holds(&rows(&|t: f64| f64::from(u8::from(t % 20.0 < 10.0))), &some(rows(&triangle))));
         assert!(correlation_of_changes(&rows(&force), &some(rows(&|t: f64| -triangle(t)))) < -0.5);
+    }
+
+    /// The rows of a ramp are dense at its start.
+    #[test]
+    fn a_rate_is_one_in_time() {
+        let time_s: Vec<f64> = (0..300).map(|row| 1e-3 * 1.04_f64.powi(row)).collect();
+        let of = |value: &dyn Fn(f64) -> f64| time_s.iter().map(|t| value(*t)).collect::<Vec<f64>>();
+        let ramp = |t: f64| 0.002 * t;
+        let bends = |t: f64| 1.0 + (t / 60.0).powi(2);
+        let some = |values: Vec<f64>| values.into_iter().map(Some).collect::<Vec<_>>();
+        assert_eq!(Control::likely(&time_s, &of(&bends), &some(of(&ramp))), Control::Position);
+        assert_eq!(Control::likely(&time_s, &of(&ramp), &some(of(&bends))), Control::Force);
+    }
+
+    #[test]
+    fn a_force_against_the_motion_is_one_in_nearly_all_rows() {
+        let noise = |row: usize| 0.3 * (((1.0 + row as f64) * 12.9898).sin() * 43_758.545_3).fract();
+        let held: Vec<Option<f64>> = (0..200).map(|row| Some(64.0 - 3.0 + noise(row))).collect();
+        let decay: Vec<f64> = (0..200).map(|row| if row < 3 { -500.0 } else { 1000.0 - 2.0 * row as f64 }).collect();
+        let other: Vec<f64> = decay.iter().map(|force| -force).collect();
+        assert!(opposes(&decay, &held, 64.0) && !opposes(&other, &held, 64.0));
+        assert!(!opposes(&[1.0, -1.0, 1.0, -1.0], &[Some(1.0); 4], 0.0) && !opposes(&[], &[], 0.0));
     }
 
     /// A position that is 1 and 0 for 40 rows in turn, after changes of `n_ramp` rows, and a force that answers `delay` rows later.

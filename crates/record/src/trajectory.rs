@@ -64,11 +64,12 @@ pub(super) const CYCLE: usize = 3;
 const MOST_ROWS: usize = 20_000_000;
 
 /// Words that mean a lost position, in addition to an empty cell.
-const LOST: [&str; 9] = ["nan", "na", "null", "n/a", "#n/a", "none", "missing", "-", "--"];
+const LOST: [&str; 10] = ["nan", "na", "null", "n/a", "#n/a", "none", "missing", "-", "--", "---"];
 
 /// True if a cell means a lost position.
 pub(super) fn is_lost(cell: &str) -> bool {
-    cell.is_empty() || LOST.iter().any(|lost| cell.eq_ignore_ascii_case(lost))
+    // Rheoplus writes `******` for what was not measured.
+    cell.bytes().all(|byte| byte == b'*') || LOST.iter().any(|lost| cell.eq_ignore_ascii_case(lost))
 }
 
 /// Header of the table: all column names, column index and unit of each quantity, and column index of the cycle.

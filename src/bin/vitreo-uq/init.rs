@@ -84,6 +84,12 @@ pub struct InitArguments {
     /// Unit of the force: N, mN, uN, nN or pN
     #[arg(long, value_name = "UNIT")]
     unit_force: Option<String>,
+    /// Unit of the frequency of an oscillation: Hz or rad/s
+    #[arg(long, value_name = "UNIT")]
+    unit_frequency: Option<String>,
+    /// Unit of the moduli of an oscillation, such as Pa or kPa
+    #[arg(long, value_name = "UNIT")]
+    unit_moduli: Option<String>,
     /// Unit of the position: m, mm, um or nm, or a multiple such as "0.65 um" per pixel
     #[arg(long, value_name = "UNIT")]
     unit_position: Option<String>,
@@ -152,6 +158,7 @@ pub fn run(arguments: &InitArguments) -> Result<ExitCode> {
         columns: [&arguments.time, &arguments.force, &arguments.position, &arguments.cycle].map(Clone::clone),
         axes: [&arguments.x, &arguments.y, &arguments.z].map(Clone::clone),
         units: [&arguments.unit_time, &arguments.unit_force, &arguments.unit_position].map(Clone::clone),
+        sweep_units: [&arguments.unit_frequency, &arguments.unit_moduli].map(Clone::clone),
         frequency: arguments.frequency.clone(),
         moduli: arguments.moduli.clone().and_then(|moduli| <[String; 2]>::try_from(moduli).ok()),
         tables: arguments.table.clone(),

@@ -51,6 +51,8 @@ pub fn option(setting: Setting) -> &'static str {
         Setting::TimeRestarts => "--time-restarts",
         Setting::TimeTies => "--time-ties",
         Setting::TimeUnit => "--unit-time",
+        Setting::FrequencyUnit => "--unit-frequency",
+        Setting::ModuliUnit => "--unit-moduli",
         Setting::ForceUnit => "--unit-force",
         Setting::PositionUnit => "--unit-position",
         Setting::RobotDiameter => "--robot-diameter-mm",

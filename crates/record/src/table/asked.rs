@@ -13,6 +13,8 @@ pub struct TableSettings {
     pub axes: [Option<String>; 3],
     /// Units of time, force and position.
     pub units: [Option<String>; 3],
+    /// Units of the frequency and the moduli of an oscillation.
+    pub sweep_units: [Option<String>; 2],
     /// Tables to read from a file that contains several, such as `1,2` or `all`.
     pub tables: Option<String>,
     /// Column that names a tracker's tracks (moving bodies), and the track to read.

@@ -127,10 +127,11 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
         let (n_values, n_others) = counts(&cells, found.delimiter, found.decimal);
         // A row of a table that has begun may lack all values except its time.
         let is_row = n_values >= 2 && n_values >= n_others || n_values == 1 && n_others == 0 && !blocks.is_empty();
+        let is_new_sheet = lines[after..index].iter().any(|line| line.starts_with(SHEET));
         // A line of words with two numbers is a preamble, such as one above the next table of an export.
         let is_preamble = n_others > 0
+            && !is_new_sheet
             && blocks.last().is_some_and(|block| block.n_rows >= FEWEST_ROWS && cells.len() < block.layout.n_cells);
-        let is_new_sheet = lines[after..index].iter().any(|line| line.starts_with(SHEET));
         // Programs write means and standard deviations below a table.
         if let Some(block) = blocks.last_mut()
             && !is_new_sheet

@@ -1,6 +1,7 @@
 //! Inference of the description of a table, with a reason for each choice.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -15,7 +16,7 @@ use super::spelling::{
 };
 use super::steps::{StepClock, is_of_step};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
-use crate::control::{Control, answers_after_jumps, holds_as_written, is_steadier, nothing_holds};
+use crate::control::{Control, answers_after_jumps, holds_as_written, is_steadier, nothing_holds, opposes};
 use crate::force::{has_noisy_levels, sampled_ramps};
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
@@ -28,6 +29,10 @@ use base::units::Dimension;
 
 /// Lower-case names of columns that name a tracker's tracks; `id` may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
+/// Lower-case names of columns that name specimens, of which a table holds one after the other; `id` or `name` may follow.
+const SPECIMENS: [&str; 3] = ["set", "specimen", "sample"];
+/// Least number of rows of a specimen. A column with fewer counts something else.
+const FEWEST_OF_SPECIMEN: usize = 10;
 /// Largest number of tracks that are distinguished in a table.
 const MOST_TRACKS: usize = 1_000;
 /// Least numbers of cells from which a sign counts as a thousands separator. At least `FEWEST_GROUPED` numbers must contain the sign, and at least
@@ -93,6 +98,8 @@ pub struct TableProposal {
     written_position_m: [f64; 2],
     /// First position as written in the table, in m.
     first_written_m: Option<f64>,
+    /// True if force and position as written have opposite signs in nearly all rows, weighted by their product.
+    pub has_opposite_signs: bool,
     /// Time (s) at which the load of the first row began, counted as [`Self::first_time_s`] is; `None` if neither the table nor the user says so.
     pub load_began_s: Option<f64>,
     /// Time (s) of the table's clock that counts as 0: the first time, if it is below 0.
@@ -278,7 +285,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         );
     }
     let ramps = if has_noisy_levels { None } else { ramps_between_holds(&trajectory) };
-    let is_creep = Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Force;
+    let is_creep = Control::likely(&trajectory.time_s, &trajectory.force_n, &trajectory.position_m) == Control::Force;
     let until_row = steps
         .as_ref()
         .filter(|clock| ramps.is_none() && is_creep && clock.acts_until_rows(&trajectory.time_s, &trajectory.force_n))
@@ -295,6 +302,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     };
     let written_position_m = ends(&mut trajectory.position_m.iter().flatten().copied());
     let first_written_m = trajectory.position_m.first().copied().flatten();
+    let has_opposite_signs = opposes(&trajectory.force_n, &trajectory.position_m, 0.0);
     let first_answer = first_answer(&trajectory);
     let range_m = written_position_m[1] - written_position_m[0];
     let first_change_m = match trajectory.position_m[..] {
@@ -317,7 +325,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     // A force at levels is commanded, and so is any force that moves a body in two or three dimensions.
     let is_along = matches!(description.position, Some((PositionColumns::Along(_), _)));
     let control = match is_along && !has_noisy_levels && description.force.is_some() {
-        true => Control::likely(&trajectory.force_n, &trajectory.position_m),
+        true => Control::likely(&trajectory.time_s, &trajectory.force_n, &trajectory.position_m),
         false => Control::Force,
     };
     let ramps = ramps.filter(|_| description.force.is_some());
@@ -337,6 +345,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         position_m: ends(&mut trajectory.position_m.iter().flatten().copied()),
         written_position_m,
         first_written_m,
+        has_opposite_signs,
         load_began_s: idle.map(|idle| idle.began_s),
         clock_zero_s: trajectory.clock_zero_s.min(0.0),
         starts_fresh: starts_fresh(&trajectory),
@@ -651,11 +660,24 @@ impl DescribedFile<'_> {
         if let Some(column) = &self.given.track[0] {
             return seen.told(Setting::TrackColumn, column).map(Some);
         }
-        let is_track = |name: &String| {
+        let stem = |name: &String| -> String {
             let plain: String = name.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
-            TRACKS.contains(&plain.strip_suffix("id").unwrap_or(&plain))
+            ["id", "name"].iter().find_map(|end| plain.strip_suffix(end)).unwrap_or(&plain).into()
         };
-        Ok(self.header().names.iter().position(is_track).filter(|at| !taken.contains(at)))
+        let find = |all: &[&str], is_one: &dyn Fn(usize) -> bool| {
+            let mut names = self.header().names.iter().enumerate();
+            let found = names.find(|(at, name)| all.contains(&stem(name).as_str()) && is_one(*at));
+            found.map(|(at, _)| at).filter(|at| !taken.contains(at))
+        };
+        Ok(find(&TRACKS, &|_| true).or_else(|| find(&SPECIMENS, &|at| self.holds_specimens(at))))
+    }
+
+    /// True if a column has a few values, each in many rows that follow each other.
+    fn holds_specimens(&self, at: usize) -> bool {
+        let values: Vec<String> = self.rows().filter_map(|row| Some(row.get(at)?.to_string())).collect();
+        let blocks: Vec<&[String]> = values.chunk_by(|a, b| a == b).collect();
+        let distinct: BTreeSet<&String> = blocks.iter().map(|block| &block[0]).collect();
+        distinct.len() == blocks.len() && blocks.iter().all(|block| block.len() >= FEWEST_OF_SPECIMEN)
     }
 
     /// Returns the names of the tracks in a column, each with its number of rows.
@@ -848,7 +870,9 @@ impl DescribedFile<'_> {
     fn completed(&self, description: &mut TableDescription, reasons: &mut Vec<String>) -> Result<Trajectory> {
         let read = |description: &TableDescription| {
             let trajectory = read_described(self.file, self.text, description)?;
-            let is_relaxation = || Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Position;
+            let is_relaxation = || {
+                Control::likely(&trajectory.time_s, &trajectory.force_n, &trajectory.position_m) == Control::Position
+            };
             if description.blank_force != Some(BlankForce::LeftOut) || !is_relaxation() {
                 return Ok(trajectory);
             }
@@ -1008,7 +1032,7 @@ fn spoken(column: &ColumnName) -> String {
 pub struct InspectedTable {
     /// Layout of the table.
     pub layout: TableLayout,
-    /// Names of the columns; empty without a header.
+    /// Names of the columns; empty without a header, and of a column without values.
     pub columns: Vec<String>,
     /// Unit of each column; `None` if the table does not give it.
     pub units: Vec<Option<ParsedUnit>>,
@@ -1036,7 +1060,14 @@ pub fn inspect_tables(file: &Path, bytes: &[u8]) -> Result<Vec<InspectedTable>> 
     let all = tables_of(file, &lines)?;
     let inspected = |table: &TableBlock| {
         let said = describe_layout(&[table], &lines);
-        let Header { names, units, .. } = table.header.clone();
+        let Header { mut names, mut units, .. } = table.header.clone();
+        let filled = filled_columns(&lines, table);
+        names.resize(names.len().max(filled.len()), String::new());
+        units.resize(names.len(), None);
+        // A column without a number describes nothing.
+        for at in (0..names.len()).filter(|at| filled.get(*at) == Some(&false)) {
+            (names[at], units[at]) = (String::new(), None);
+        }
         let mut layout = written(bytes, &lines, table);
         if all.len() > 1 || lines[table.end..].iter().any(|line| !is_blank_or_comment(line, None)) {
             layout.row_lines = vec![table.lines()];
@@ -1047,6 +1078,18 @@ pub fn inspect_tables(file: &Path, bytes: &[u8]) -> Result<Vec<InspectedTable>> 
         InspectedTable { layout, columns: names, units, said, preamble }
     };
     Ok(all.iter().map(inspected).collect())
+}
+
+/// For each column of a table, whether it has a cell that is not lost.
+fn filled_columns(lines: &[&str], table: &TableBlock) -> Vec<bool> {
+    let mut filled = vec![false; table.layout.n_cells];
+    let rows = lines[table.layout.first..table.end].iter().filter(|line| !is_blank_or_comment(line, None));
+    for row in rows {
+        for (cell, is_filled) in cells(row, table.layout.delimiter).iter().zip(&mut filled) {
+            *is_filled |= !is_lost(cell);
+        }
+    }
+    filled
 }
 
 /// Asks the user for the number, from 1, of the table to read. Errors name `file`.
@@ -1175,11 +1218,11 @@ struct Idle {
 
 /// Rows that only show the state before a load or a step whose begin no row shows.
 fn idle_rows(trajectory: &Trajectory) -> Option<Idle> {
-    let Trajectory { force_n, position_m, others_m, .. } = trajectory;
+    let Trajectory { time_s, force_n, position_m, others_m, .. } = trajectory;
     if !others_m.is_empty() {
         return None;
     }
-    match Control::likely(force_n, position_m) {
+    match Control::likely(time_s, force_n, position_m) {
         Control::Force => idle_first_row(trajectory).or_else(|| rows_before_trigger(trajectory, Control::Force)),
         Control::Position => rows_before_trigger(trajectory, Control::Position),
     }
@@ -1269,7 +1312,7 @@ fn six_digits(value: f64) -> String {
 
 /// Infers the rules for the zero and direction of positions, and adds the reasons to `reasons`.
 fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) -> Frame {
-    let Trajectory { force_n, position_m, others_m, .. } = trajectory;
+    let Trajectory { time_s, force_n, position_m, others_m, .. } = trajectory;
     let coordinates: Vec<&[Option<f64>]> = std::iter::once(position_m).chain(others_m).map(Vec::as_slice).collect();
     let range_m = |positions: &[Option<f64>]| {
         let known = || positions.iter().flatten().copied();
@@ -1285,7 +1328,7 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
         coordinates.iter().map(|positions| rest_m(force_n, positions).filter(|_| has_force)).collect();
     let first: Option<Vec<f64>> = coordinates.iter().map(|positions| positions.first().copied().flatten()).collect();
     // A commanded position has no noise, and its zero is known.
-    let is_measured = has_force && Control::likely(force_n, position_m) == Control::Force;
+    let is_measured = has_force && Control::likely(time_s, force_n, position_m) == Control::Force;
     let coarse_m = coarse_step_m(position_m, range_m).filter(|_| is_measured);
     let zero = match (rest, first) {
         (Some(rest), _) if is_far(&rest) => {
@@ -1320,7 +1363,9 @@ fn frame(trajectory: &Trajectory, has_force: bool, reasons: &mut Vec<String>) ->
     if !others_m.is_empty() {
         return Frame { zero, direction: Direction::Fit };
     }
-    if has_force && moves_against_force(force_n, position_m) {
+    let opposes_first =
+        || position_m.first().copied().flatten().is_some_and(|zero_m| opposes(force_n, position_m, zero_m));
+    if has_force && (moves_against_force(force_n, position_m) || !is_measured && opposes_first()) {
         reasons.push("the position grows against the force, so its sign is reversed (direction = \"-\")".into());
         return Frame { zero, direction: Direction::Backward };
     }

@@ -218,7 +218,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
     trajectory.check_length(file, layout.first_row_line)?;
     let place = |row: usize| InputPlace::file(file).at_line(trajectory.lines[row]).at_key(columns.time.1.as_str());
     let is_force_measured = description.blank_force == Some(BlankForce::Lost)
-        || Control::likely(&trajectory.force_n, &trajectory.position_m) == Control::Position;
+        || Control::likely(&trajectory.time_s, &trajectory.force_n, &trajectory.position_m) == Control::Position;
     let rows = TimeRows {
         is_force_measured,
         time_s: &mut trajectory.time_s,

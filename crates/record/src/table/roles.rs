@@ -223,8 +223,10 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
     };
     // A test has its own clock, beside which exports may show the clock of a whole sequence.
     let is_of_sequence = role == Role::Time && ["sequence", "total", "global"].iter().any(|part| plain.contains(part));
+    // The clock of a cycle starts again in the next one.
+    let is_of_cycle = role == Role::Time && ["cycle", "zyklus"].iter().any(|part| plain.contains(part));
     // A unit counts less than a name, because it shows the quantity but not the body that has it.
-    Some((by_name + by_unit).saturating_sub(u32::from(is_of_sequence)))
+    Some((by_name + by_unit).saturating_sub(u32::from(is_of_sequence) + 2 * u32::from(is_of_cycle)))
 }
 
 /// Splits a column name with a unit in brackets that is not known, such as `Force (ozf)`, into the name and that text. `None` for other names.
@@ -250,7 +252,7 @@ pub(super) struct KnownColumns<'a> {
 
 /// Columns of a table, for messages.
 pub(crate) fn listed_columns(names: &[String], n_cells: usize) -> String {
-    if names.is_empty() {
+    if names.iter().all(String::is_empty) {
         return format!("columns are counted from 1 to {n_cells}");
     }
     let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();

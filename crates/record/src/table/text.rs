@@ -240,9 +240,17 @@ pub fn comment_sign<'a>(line: &str, comment: Option<&'a str>) -> Option<&'a str>
     }
 }
 
-/// True if a line is blank or a comment.
+/// True if a line is blank, a comment, or the row of a point that an instrument calls invalid.
 pub fn is_blank_or_comment(line: &str, comment: Option<&str>) -> bool {
-    line.trim().is_empty() || comment_sign(line, comment).is_some()
+    line.trim().is_empty() || comment_sign(line, comment).is_some() || is_invalid_point(line)
+}
+
+/// True if a line only holds the number of a point and a word in brackets, such as `12 (invalid)`.
+fn is_invalid_point(line: &str) -> bool {
+    let whole = line.trim_matches([' ', '\t', ',', ';', '"', '\r']);
+    let behind = whole.trim_start_matches(|c: char| c.is_ascii_digit());
+    let word = behind.trim_start().strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    behind.len() < whole.len() && word.is_some_and(|word| !word.is_empty() && word.chars().all(char::is_alphabetic))
 }
 
 /// Splits a line into cells and removes surrounding spaces and quotation marks.
@@ -251,7 +259,7 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
         Delimiter::Comma => b',',
         Delimiter::Semicolon => b';',
         Delimiter::Tab => b'\t',
-        Delimiter::Spaces => return line.split_whitespace().map(|cell| cell.trim_matches('"').into()).collect(),
+        Delimiter::Spaces => return cells_between_spaces(line),
     };
     if !line.contains('"') {
         return line.split(char::from(byte)).map(|cell| cell.trim().into()).collect();
@@ -264,6 +272,20 @@ pub fn cells(line: &str, delimiter: Delimiter) -> Vec<Cow<'_, str>> {
         .from_reader(line.as_bytes());
     let row = reader.records().next().and_then(Result::ok).unwrap_or_default();
     row.iter().map(|cell| Cow::Owned(cell.to_string())).collect()
+}
+
+/// Cells between spaces, without quotation marks around one or several of them. A mark that closes none belongs to the cell, as in `G"`.
+fn cells_between_spaces(line: &str) -> Vec<Cow<'_, str>> {
+    let mut is_open = false;
+    let cell = |text| {
+        let inner = str::strip_prefix(text, '"');
+        is_open |= inner.is_some();
+        let text = inner.unwrap_or(text);
+        let closed = text.strip_suffix('"').filter(|_| is_open);
+        is_open &= closed.is_none();
+        closed.unwrap_or(text).into()
+    };
+    line.split_whitespace().map(cell).collect()
 }
 
 /// Key of the comment that names the columns.
