@@ -11,7 +11,7 @@ def figures(raw):
     sure = [case for case in several if case["records"][-1]["likeliest"] == case["hidden"] and case["records"][-1]["probability"] >= 0.95]
     needed = [len(case["records"]) - 1 for case in decided]
     found = {
-        "records with several equivalent effects": of(len(several), len(cases)),
+        "records with several equivalent effects": of(len(several), len([case for case in cases if case["hidden"]])),
         "decided within ten designed records": of(len(decided), len(several)),
         "decided for the true effect": of(len(right), len(decided)),
         "true effect with a probability of at least 95 %": of(len(sure), len(several)),

@@ -31,6 +31,8 @@ def case(program, number, seed):
         verdict = vitreo("diagnose", "record", "--out", "study", "--no-report")["verdict"]
         opened = [program, "challenge", "reveal", "record", "--study", "study", "--quiet", "--json", "-"]
         truth = json.loads(subprocess.run(opened, cwd=folder, check=False, capture_output=True).stdout)["play"]["truth"]
+        if len(truth["effects"]) != 1:
+            return {"hidden": None, "class": [], "records": []}
         (effect,) = truth["effects"]
         found = {"hidden": effect["slug"], "class": [*verdict["effects"], *verdict["equivalent"]], "records": []}
         if verdict["kind"] != "missing" or len(verdict["effects"]) > 1 or effect["slug"] not in found["class"] or not verdict["equivalent"]:

@@ -1226,7 +1226,7 @@ fn several_sweeps_in_one_table_are_refused() {
         format!("No.,Frequency,Storage Modulus,Loss Modulus,Status\n,[Hz],[kPa],[kPa],[1]\n{}", numbered(&sweep(1.0)));
     assert_eq!(tried(&with_status.replace(',', "\t")), Ok(20));
     let refused = tried(&format!("omega,G',G''\n{}", sweep(1.0))).unwrap_err();
-    assert!(refused.contains("`omega [rad/s]`; `G' [Pa]`"), "{refused}");
+    assert!(refused.contains("`unit_frequency rad/s`; `unit_moduli Pa`"), "{refused}");
 }
 
 /// Two sweeps beside each other have equal names. Chosen moduli have the frequency beside them, which the summary names by its number.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::preamble::{Preamble, StatedValue};
 use super::request::InitRequest;
-use super::stress::{StressStrain, called};
+use super::stress::{OF_SPECIMEN, StressStrain, called};
 use base::error::Setting;
 use base::toml_input::{UNKNOWN, quoted};
 use record::STRESS_STRAIN;
@@ -49,20 +49,6 @@ const DIAMETER: [&str; 4] = ["diameter", "specimen diameter", "sample diameter",
 
 /// Words in the names of columns that instruments with a tip write.
 const OF_TIP: [&str; 7] = ["indentation", "depth", "cantilever", "tip-sample", "tip sample", "piezo", "vdeflection"];
-/// Words in the names of positions that testing machines write.
-pub(super) const OF_SPECIMEN: [&str; 11] = [
-    "extension",
-    "elongation",
-    "crosshead",
-    "cross-head",
-    "stroke",
-    "standard travel",
-    "course standard",
-    "standardweg",
-    "traverse",
-    "verlängerung",
-    "allongement",
-];
 /// Words in the names of positions of the tip itself, from which the instrument has subtracted the deflection of the spring.
 const OF_DEPTH: [&str; 6] = ["indentation", "tip position", "tipposition", "tip-sample", "tip sample", "separation"];
 /// Words in the names of positions of the head that carries the spring.

@@ -1,7 +1,6 @@
 //! `init` for stress and strain over time, and for published tables of a compliance or a modulus: stress is read as the force, and strain as the position
 //! (docs/experiment.md).
 
-use super::device::OF_SPECIMEN;
 use super::preamble::Preamble;
 use super::request::InitRequest;
 use base::error::{Error, InputPlace, Result, Setting};
@@ -82,6 +81,20 @@ pub(super) const UNIAXIAL: [&str; 11] = [
 const OF_LENGTH: [&str; 5] = ["engineering", "nominal", "true stress", "true strain", "stauchung"];
 /// Words in the names of columns of a rotating rheometer.
 pub(super) const ROTATION: [&str; 7] = ["torque", "shear", "rotation", "drehmoment", "scher", "schubs", "cisail"];
+/// Words in the names of positions that testing machines write.
+pub(super) const OF_SPECIMEN: [&str; 11] = [
+    "extension",
+    "elongation",
+    "crosshead",
+    "cross-head",
+    "stroke",
+    "standard travel",
+    "course standard",
+    "standardweg",
+    "traverse",
+    "verlängerung",
+    "allongement",
+];
 /// Words in the names of the force along a rotating rheometer's axis.
 const ALONG_AXIS: [&str; 3] = ["normal", "axial", "fn"];
 /// Further words in the names of positions that testing machines write.

@@ -77,6 +77,7 @@ impl Control {
             [true, false] => Self::Force,
             [false, true] => Self::Position,
             _ if is_at_one_rate(&time_s, &position_m, &force_n) => Self::Position,
+            _ if is_at_one_rate(&time_s, &force_n, &position_m) => Self::Force,
             _ => Changes { force: changes(&force_n), position: changes(&position_m) }.control(),
         }
     }
@@ -261,11 +262,11 @@ impl Changes {
     }
 }
 
-/// True if the position changes at a much steadier rate in time than the force.
-fn is_at_one_rate(time_s: &[f64], position_m: &[f64], force_n: &[f64]) -> bool {
-    let [position, force] = [position_m, force_n].map(|values| rates(time_s, values));
-    let spread = rate_spread(&position);
-    spread < STEADY && rate_spread(&force) > 3.0 * spread && has_trend(&force)
+/// True if a quantity changes at a much steadier rate in time than the other one.
+fn is_at_one_rate(time_s: &[f64], values: &[f64], others: &[f64]) -> bool {
+    let [own, other] = [values, others].map(|values| rates(time_s, values));
+    let spread = rate_spread(&own);
+    spread < STEADY && rate_spread(&other) > 3.0 * spread && has_trend(&other)
 }
 
 /// Mean rates of a quantity between parts of equal duration, in ranges for each part. Rows may be denser in some of them. Times that do not ascend count as rows.
