@@ -478,3 +478,113 @@ fn times_of_day_do_not_show_when_a_load_began() {
     let (experiment, _) = told(&text, "-0.5").expect("a relaxation");
     assert!((times_since_load(&experiment)[0] - 0.5).abs() < 1e-6);
 }
+
+/// A table of relaxations may have columns of an oscillation that hold nothing, and the stress of a few rows may have another sign by the inertia of the tool.
+#[test]
+fn columns_without_values_describe_nothing() {
+    let mut text = String::from(
+        "Angular Frequency,Storage Modulus,Loss Modulus,Time,Shear Stress,Strain\n[rad/s],[Pa],[Pa],[s],[Pa],[%]\n",
+    );
+    for row in 0..100 {
+        let t = 0.01 * 1.12_f64.powi(row);
+        let stress = if row < 3 { -15_000.0 } else { relaxed(t) };
+        writeln!(text, "******,******,******,{t:.5},{stress:.4},1").expect("a string");
+    }
+    let (experiment, words) = plainly(&text).expect("a relaxation");
+    assert_eq!(experiment.control, Control::Position, "{words}");
+    assert!(!words.contains("opposite signs") && experiment.record.force_n[50] > 0.0, "{words}");
+}
+
+/// Points that an instrument calls invalid stand in place of the first rows, between the header and the rows.
+#[test]
+fn invalid_points_are_no_rows() {
+    let mut text = String::from("Interval\t1\n");
+    for interval in 0..2 {
+        writeln!(text, "Data\tPoint\tTime\tStress\tStrain\n\t\t[s]\t[Pa]\t[%]").expect("a string");
+        for row in 1..40 {
+            match (interval, row) {
+                (1, ..8) => writeln!(text, "\t{row}  (invalide)\t\t\t"),
+                _ => writeln!(text, "\t{row}\t{}\t3\t{:.6}", 0.5 * f64::from(row), crept(0.5 * f64::from(row))),
+            }
+            .expect("a string");
+        }
+        writeln!(text, "\nInterval\t2").expect("a string");
+    }
+    let last = |request: &mut InitRequest| {
+        request.known_columns.tables = Some("2".into());
+        request.load_start = Some("0".into());
+    };
+    let (experiment, words) = read(&text, last).expect("a creep");
+    assert_eq!(experiment.record.n_samples(), 32, "{words}");
+    assert!((times_since_load(&experiment)[0] - 4.0).abs() < 1e-6, "{words}");
+}
+
+/// A sheet of a workbook with fewer columns than the sheet before it, and a word in each row, has tables of its own.
+#[test]
+fn a_narrow_sheet_after_a_wide_one_is_read() {
+    let wide: String = (0..5).map(|row| format!("{row}\t1\t2\t3\t4\t5\t6\n")).collect();
+    let narrow: String = (0..40).map(|row| format!("{row}\t3\t{:.6}\tvalid\n", crept(f64::from(row)))).collect();
+    let text = format!(
+        "sheet one\na\tb\tc\td\te\tf\tg\n{wide}\nsheet two\nTime [s]\tShear stress [Pa]\tShear strain [%]\tState\n{narrow}"
+    );
+    let second = |request: &mut InitRequest| request.known_columns.tables = Some("2".into());
+    let (experiment, words) = read(&text, second).expect("a creep");
+    assert_eq!(experiment.record.n_samples(), 40, "{words}");
+}
+
+/// Several specimens in one table are asked for by the column that names them. The size of a specimen that is compressed changes against the force.
+#[test]
+fn specimens_of_one_table_are_told_apart() {
+    let mut text = String::from("Set Name,Time (s),Force (uN),Current Size (um)\n");
+    for set in ["A", "B"] {
+        for row in 0..200 {
+            let noise = 0.4 * ((1.0 + f64::from(row)) * 12.9898).sin();
+            let (force, size) =
+                if row == 0 { (0.0, 64.0) } else { (30.0 * relaxed(0.2 * f64::from(row)), 61.0 + noise) };
+            writeln!(text, "{set},{},{force:.3},{size:.3}", 0.2 * f64::from(row)).expect("a string");
+        }
+    }
+    let columns = |track: Option<&str>| {
+        let track = track.map(String::from);
+        move |request: &mut InitRequest| {
+            request.known_columns.columns[2] = Some("Current Size (um)".into());
+            request.known_columns.track[1].clone_from(&track);
+            request.specimen = [Some(0.064), Some(0.003)];
+            request.control = Some(Control::Position);
+        }
+    };
+    let refused = read(&text, columns(None)).expect_err("a question");
+    assert!(refused.contains("A (200 rows), B (200 rows)"), "{refused}");
+    let (experiment, words) = read(&text, columns(Some("B"))).expect("a relaxation");
+    let record = &experiment.record;
+    assert!(record.n_samples() == 200 && record.force_n[100] > 0.04 && record.position_m[100] > Some(0.0), "{words}");
+}
+
+/// Without a header, the user names the columns of an oscillation by numbers and gives the units.
+#[test]
+fn an_oscillation_may_have_no_header() {
+    let rows: String = (0..20).map(|row| 10_f64.powf(0.1 * f64::from(row) - 1.0)).fold(String::new(), |all, omega| {
+        let whole = 1.0 + omega * omega;
+        all + &format!("{omega:.6} {:.6} {:.6}\n", 300.0 * omega * omega / whole, 300.0 * omega / whole)
+    });
+    let told = |units: [Option<&str>; 2]| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (file, out) = (folder.path().join("a.txt"), folder.path().join("a"));
+        std::fs::write(&file, &rows).expect("room on the disk");
+        let known_columns = TableSettings {
+            frequency: Some("1".into()),
+            moduli: Some(["2".into(), "3".into()]),
+            sweep_units: units.map(|unit| unit.map(String::from)),
+            ..TableSettings::default()
+        };
+        let request = InitRequest { file, out: Some(out.clone()), known_columns, ..InitRequest::default() };
+        run(&request, &mut |_| None).map_err(|error| error.to_string())?;
+        OscillationRecord::read(&out).map(|(sweep, _)| sweep).map_err(|error| error.to_string())
+    };
+    let refused = told([None, None]).expect_err("units are missing");
+    assert!(refused.contains("`unit_frequency Hz` or `unit_frequency rad/s`; `unit_moduli Pa`"), "{refused}");
+    assert!(told([Some("s"), Some("Pa")]).expect_err("no unit").contains("no unit of this quantity"));
+    let sweep = told([Some("rad/s"), Some("kPa")]).expect("a sweep");
+    assert!((sweep.rows[0].frequency_hz - 0.1 / std::f64::consts::TAU).abs() < 1e-6);
+    assert!((sweep.rows[10].pair[0] - 150_000.0).abs() < 1.0, "{:?}", sweep.rows[10]);
+}

@@ -266,7 +266,7 @@ impl Changes {
 fn is_at_one_rate(time_s: &[f64], values: &[f64], others: &[f64]) -> bool {
     let [own, other] = [values, others].map(|values| rates(time_s, values));
     let spread = rate_spread(&own);
-    spread < STEADY && rate_spread(&other) > 3.0 * spread && has_trend(&other)
+    spread < STEADY && rate_spread(&other) > 3.0 * spread && (has_trend(&other) || drifts(&other))
 }
 
 /// Mean rates of a quantity between parts of equal duration, in ranges for each part. Rows may be denser in some of them. Times that do not ascend count as rows.

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::spelling::{ParsedUnit, clock_s, is_date_time, is_hours_minutes, split_unit, unit};
 use super::text::{
     COLUMNS, Decimal, Delimiter, REMARKS, Thousands, cells, comment_sign, header_cells, is_blank_or_comment,
-    n_before_names,
+    is_invalid_point, n_before_names,
 };
 use crate::trajectory::is_lost;
 
@@ -257,7 +257,8 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     if let Some(header) = in_preamble() {
         return header;
     }
-    let has_cell = |line: &str| cells(line, layout.delimiter).iter().any(|cell| !cell.is_empty());
+    let has_cell =
+        |line: &str| !is_invalid_point(line) && cells(line, layout.delimiter).iter().any(|cell| !cell.is_empty());
     let mut above: Vec<usize> = (from..layout.first).rev().filter(|index| has_cell(lines[*index])).take(4).collect();
     // A single word, such as `BEGIN`, marks where the rows begin.
     let is_word = |line: &str| cells(line, layout.delimiter).len() == 1 && line.split_whitespace().count() == 1;

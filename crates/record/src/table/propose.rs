@@ -46,6 +46,8 @@ const GOES_ON: f64 = 0.1;
 const LONGEST_PAUSE: f64 = 3.0;
 /// Longest time of a jump, as a fraction of the mean interval between rows.
 const AT_ONCE: f64 = 0.01;
+/// Largest part of the rows in which a force with sampled ramps also jumps.
+const MOST_JUMPS: f64 = 0.05;
 /// Largest distance of a position from 0 at which it counts as 0, as a fraction of the positions' range.
 const NEAR_ZERO: f64 = 0.02;
 
@@ -965,6 +967,10 @@ fn ramps_between_holds(trajectory: &Trajectory) -> Option<String> {
     let least_s = AT_ONCE * (time_s.last()? - time_s.first()?) / time_s.len() as f64;
     let is_jump = |row: &usize| force_n[*row] != force_n[row - 1] && time_s[*row] - time_s[row - 1] > least_s;
     let jumps: Vec<usize> = (1..force_n.len()).filter(|row| is_jump(row) && !is_in_ramp(*row)).collect();
+    // A force that jumps so often is measured.
+    if jumps.len() as f64 > MOST_JUMPS * force_n.len() as f64 {
+        return None;
+    }
     let of_jumps = jumps.first().map_or(String::new(), |first| {
         format!(
             "; it also jumps, first in line {} ({} in all): give each jump a row just before its time, with the old force and an empty position, because it takes the whole interval otherwise",

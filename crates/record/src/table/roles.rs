@@ -432,6 +432,11 @@ impl KnownColumns<'_> {
                     Role::Force => {
                         format!("; if another file contains the force, name it with `{}`", Setting::ForceFile)
                     }
+                    Role::Time => format!(
+                        "; for an oscillation name its columns with `{}` and `{}`",
+                        Setting::FrequencyColumn,
+                        Setting::ModuliColumns
+                    ),
                     _ => String::new(),
                 };
                 let remedy =

@@ -246,7 +246,7 @@ pub fn is_blank_or_comment(line: &str, comment: Option<&str>) -> bool {
 }
 
 /// True if a line only holds the number of a point and a word in brackets, such as `12 (invalid)`.
-fn is_invalid_point(line: &str) -> bool {
+pub(super) fn is_invalid_point(line: &str) -> bool {
     let whole = line.trim_matches([' ', '\t', ',', ';', '"', '\r']);
     let behind = whole.trim_start_matches(|c: char| c.is_ascii_digit());
     let word = behind.trim_start().strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
