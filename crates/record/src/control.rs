@@ -331,15 +331,20 @@ fn range_with_zero(values: &[f64]) -> f64 {
     values.iter().fold(0.0_f64, |most, x| most.max(*x)) - values.iter().fold(0.0_f64, |least, x| least.min(*x))
 }
 
-/// Smallest part of the products of force and motion that has one sign, so that this is the sign of the response.
+/// Least motion, as a part of the largest, that shows the sign of the response.
+const MOVED: f64 = 0.1;
+/// Smallest part of the rows with one sign, so that this is the sign of the response.
 const ONE_SIGN: f64 = 0.9;
 
-/// True if a measured force opposes the motion of a commanded position from `zero_m`: nearly all products of the two are below 0, whatever their noise from row to row is.
+/// True if a measured force opposes the motion of a commanded position from `zero_m` in nearly all rows in which the position has moved, whatever their noise is. The inertia of a
+/// tool can make the first forces much larger than all others.
 pub(super) fn opposes(force_n: &[f64], position_m: &[Option<f64>], zero_m: f64) -> bool {
     let (force_n, position_m) = known_rows(force_n, position_m);
-    let products = force_n.iter().zip(&position_m).map(|(force, x)| force * (x - zero_m));
-    let [below, sum] = products.fold([0.0, 0.0], |[below, sum], x| [below + f64::max(0.0, -x), sum + x.abs()]);
-    below > ONE_SIGN * sum
+    let ways = || position_m.iter().map(|x| x - zero_m);
+    let farthest_m = ways().fold(0.0_f64, |most, way| most.max(way.abs()));
+    let moved = ways().zip(&force_n).filter(|(way, force)| way.abs() > MOVED * farthest_m && **force != 0.0);
+    let signs: Vec<bool> = moved.map(|(way, force)| way * force < 0.0).collect();
+    signs.iter().filter(|opposes| **opposes).count() as f64 > ONE_SIGN * signs.len() as f64
 }
 
 impl Trajectory {

@@ -350,7 +350,9 @@ fn listed_header(lines: &[&str], from: usize, layout: &Layout) -> Option<Header>
 fn title(lines: &[&str], from: usize, block: &TableBlock) -> String {
     let mut above = from..block.header.line.unwrap_or(block.layout.first);
     let sheet = above.clone().rfind(|index| lines[*index].starts_with(SHEET));
-    let above = sheet.or_else(|| above.rfind(|index| !lines[*index].trim().is_empty()));
-    let words = above.map_or(Vec::new(), |index| lines[index].split_whitespace().collect());
+    let above = sheet.or_else(|| above.rfind(|index| lines[*index].contains(char::is_alphanumeric)));
+    // Delimiters behind the words are those of empty cells.
+    let line = above.map_or("", |index| lines[index].trim_matches([',', ';', '\t', ' ']));
+    let words: Vec<&str> = line.split_whitespace().collect();
     words.join(" ").chars().take(LONGEST_TITLE).collect()
 }

@@ -100,7 +100,7 @@ pub struct TableProposal {
     written_position_m: [f64; 2],
     /// First position as written in the table, in m.
     first_written_m: Option<f64>,
-    /// True if force and position as written have opposite signs in nearly all rows, weighted by their product.
+    /// True if force and position as written have opposite signs in nearly all rows.
     pub has_opposite_signs: bool,
     /// Time (s) at which the load of the first row began, counted as [`Self::first_time_s`] is; `None` if neither the table nor the user says so.
     pub load_began_s: Option<f64>,
