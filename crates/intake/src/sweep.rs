@@ -246,7 +246,9 @@ pub(super) fn describe_sweep(
         range: None,
     };
     let is_used = |place: usize| columns.iter().any(|(_, used)| *used == place);
-    let others = (0..looked.columns.len()).filter(|place| !is_used(*place));
+    // Under a header, a column without a name holds nothing.
+    let is_shown = |place: usize| layout.header_line.is_none() || !looked.columns[place].is_empty();
+    let others = (0..looked.columns.len()).filter(|place| !is_used(*place) && is_shown(*place));
     let summary = InitSummary {
         experiments: Vec::new(),
         directory: String::new(),
