@@ -434,6 +434,32 @@ fn a_clock_of_steps_may_not_fall() {
     assert_eq!(experiment.record.n_samples(), 64, "{words}");
 }
 
+/// Creep and recovery with rows at the ends of their intervals: the stress before the first row is that of the hold. A bead that is loaded all the time begins so, too.
+#[test]
+fn a_stress_acts_until_the_end_of_its_interval() {
+    let mut text = String::from("Time (s),Step time (s),Stress (Pa),Strain (%)\n");
+    for row in 1..=240 {
+        let (t, since_s) = (0.5 * f64::from(row), 0.5 * f64::from((row - 1) % 120 + 1));
+        let strain = if row <= 120 { crept(t) } else { crept(t) - crept(t - 60.0) };
+        writeln!(text, "{t},{since_s},{},{strain:.6}", if row <= 120 { 0.05 } else { 0.0 }).expect("a string");
+    }
+    let (experiment, words) = plainly(&text).expect("a creep");
+    let record = &experiment.record;
+    let switches: Vec<f64> = record.force_step_rows().into_iter().map(|row| record.time_s[row]).collect();
+    assert_eq!(switches, [0.0, 60.0], "{words}");
+    assert!(
+        record.force_n[0] > 0.0 && record.force_n[..120].iter().all(|force| *force == record.force_n[0]),
+        "{words}"
+    );
+    let mut text = String::from("Time (s),Force (uN),Position (um)\n");
+    for row in 1..400 {
+        let t = 0.1 * f64::from(row);
+        writeln!(text, "{t:.1},4.6,{:.3}", 210.0 * crept(t) + 0.3 * f64::from(row % 3)).expect("a string");
+    }
+    let (experiment, words) = plainly(&text).expect("a creep");
+    assert!((times_since_load(&experiment)[0] - 0.1).abs() < 1e-6, "{words}");
+}
+
 /// A stress that rises for 10 s is a ramp between its rows, and one that rises in steps is not.
 #[test]
 fn a_sampled_ramp_is_linear() {

@@ -247,7 +247,7 @@ fn one(
     let mut unknown = device.unknown();
     if let Some(log) = log {
         toml += &log.toml();
-        proposal.reasons.push(format!("the force comes from {} ([actuation])", log.source.name));
+        proposal.reasons.push(log.reason());
         unknown.extend(log.is_current().then(|| "actuation.calibration".to_string()));
     }
     let log_file = log.map(|log| (out.join(&log.source.name), log.source.bytes.as_slice()));

@@ -94,6 +94,15 @@ impl Actuation {
         let mut log = read_described(file, &text, &self.description)?;
         let later_s = log.clock_zero_s - trajectory.clock_zero_s;
         log.time_s.iter_mut().for_each(|time_s| *time_s += later_s);
+        // The force of the first row has acted since the camera's first row, if it acts until its own.
+        let started_s = trajectory.time_s.first().copied().unwrap_or(0.0);
+        if let Some(before_n) =
+            log.force_before_n.filter(|_| log.time_s.first().is_some_and(|first_s| *first_s > started_s))
+        {
+            log.time_s.insert(0, started_s);
+            log.force_n.insert(0, before_n);
+            log.lines.insert(0, log.lines[0]);
+        }
         for (force, line) in log.force_n.iter_mut().zip(&log.lines) {
             if !self.calibration.is_empty() {
                 *force = self.calibration.iter().rev().fold(0.0, |sum, a| sum * *force + a);

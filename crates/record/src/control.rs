@@ -350,7 +350,7 @@ pub(super) fn opposes(force_n: &[f64], position_m: &[Option<f64>], zero_m: f64) 
 impl Trajectory {
     /// Multiplies the forces and the positions by a factor each.
     pub(super) fn scale(&mut self, [of_force, of_position]: [f64; 2]) {
-        self.force_n.iter_mut().for_each(|force| *force *= of_force);
+        self.force_n.iter_mut().chain(&mut self.force_before_n).for_each(|force| *force *= of_force);
         self.position_m.iter_mut().flatten().for_each(|position| *position *= of_position);
         self.position_unit_m *= of_position;
     }

@@ -45,6 +45,10 @@ const FEW: f64 = 4.0;
 /// the force must have switched earlier.
 pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
+    // A force that is linear between rows changes before the row of its new value.
+    if record.force_rule == ForceRule::Linear {
+        return None;
+    }
     let excesses: Vec<f64> = record
         .force_step_rows()
         .into_iter()
@@ -82,7 +86,8 @@ pub(super) fn between_rows(looked: &CheckContext<'_>) -> Option<Contradiction> {
         },
         um(middle_m)
     );
-    let advice = "give every switch a separate row at its time (or a little later, if a row has this time), with the new force and an empty position";
+    let advice = "give every switch a separate row at its time (or a little later, if a row has this time), with the new force and an empty position; if each row is the end of an \
+                  interval with its force, write `force_acts = \"until-row\"` in [measurement]; if the force rises in ramps of few rows, `force = \"linear\"`";
     Some(found("switch_between_rows", is_sure, text, advice))
 }
 

@@ -218,6 +218,10 @@ impl TableDescription {
             let remedy = "remove `force` from [measurement.columns], or remove the table [actuation]";
             return Err(columns.refuse("force", "both this table and [actuation] contain the force", remedy));
         }
+        if is_driven_elsewhere && measurement.has("force_acts") {
+            let remedy = "write the key in [actuation], which contains the force";
+            return Err(measurement.refuse("force_acts", "this table has no force", remedy));
+        }
         let has_force = !is_driven_elsewhere && constant != Some(Control::Force);
         let force = if !has_force { None } else { Some(units.column(columns, "force", Dimension::Force)?) };
         let position = if constant == Some(Control::Position) {

@@ -24,8 +24,7 @@ pub use read::{ColumnNames, decode_table};
 pub use roles::columns_beside;
 pub(crate) use roles::{listed_columns, told_column};
 
-pub use spelling::{ParsedUnit, bracketed, factor, is_angular, split_unit, unit};
-pub(super) use text::is_blank_or_comment;
-pub use text::{Decimal, Delimiter, Encoding, Thousands, cells, decode_detected};
+pub use spelling::{ParsedUnit, bracketed, clock_word, factor, is_angular, split_unit, unit};
+pub use text::{Decimal, Delimiter, Encoding, Thousands, cells, decode_detected, is_blank_or_comment};
 pub use unread::UnreadColumn;
 pub(crate) use unread::unread_columns;

@@ -30,7 +30,8 @@ use base::units::Dimension;
 /// Lower-case names of columns that name a tracker's tracks; `id` may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
 /// Lower-case names of columns that name specimens, of which a table holds one after the other; `id` or `name` may follow.
-const SPECIMENS: [&str; 3] = ["set", "specimen", "sample"];
+const SPECIMENS: [&str; 11] =
+    ["set", "specimen", "sample", "robot", "roi", "well", "gel", "eye", "replicate", "curve", "cell"];
 /// Least number of rows of a specimen. A column with fewer counts something else.
 const FEWEST_OF_SPECIMEN: usize = 10;
 /// Largest number of tracks that are distinguished in a table.
@@ -528,7 +529,10 @@ impl DescribedFile<'_> {
                     let dimension = told(role).and_then(unit).map(|unit| unit.dimension);
                     matches!(dimension, Some(Dimension::Pressure | Dimension::Ratio))
                 };
-                let remedy = if [Role::Force, Role::Position].into_iter().any(is_of_stress) {
+                let is_current = role == Role::Force && own_unit(role).is_some_and(|unit| unit.dimension == Dimension::Current);
+                let remedy = if is_current {
+                    format!("a current becomes a force by its calibration in [actuation]: give a copy of the file with `{}`", Setting::ForceFile)
+                } else if [Role::Force, Role::Position].into_iter().any(is_of_stress) {
                     format!(
                         "for stress and strain give both units and, unless their names say so, both columns: `{} F {} L {} kPa {} %`",
                         Setting::ForceColumn, Setting::PositionColumn, Role::Force.unit_setting(), Role::Position.unit_setting()
@@ -719,7 +723,7 @@ impl DescribedFile<'_> {
                 InputPlace::setting(Setting::Track),
                 format!("the rows belong to several tracks: {}", list.join(", ")),
                 format!(
-                    "choose one with `{0} {1}`, or create an experiment for each with `{0} all`",
+                    "choose one with `{0} \"{1}\"`, or create an experiment for each with `{0} all`",
                     Setting::Track,
                     tracks[0].0
                 ),
@@ -1171,7 +1175,7 @@ const SHOWS: f64 = 8.0;
 const SHOWS_BESIDE_ZERO: f64 = 3.0;
 
 /// First position divided by the motion that the first force causes in the time of the first row (s of the table's clock). Other switches of at least half the first force show it; a
-/// row's position is that before its switch.
+/// row's position is that before its switch. Without one, the next interval does, if it is as long and has the same force.
 fn first_answer(trajectory: &Trajectory) -> Option<f64> {
     let Trajectory { time_s, force_n, position_m, clock_zero_s, .. } = trajectory;
     let (first_n, first_m) = (*force_n.first()?, (*position_m.first()?)?);
@@ -1182,7 +1186,13 @@ fn first_answer(trajectory: &Trajectory) -> Option<f64> {
         let is_alike = switch_n.abs() >= 0.5 * first_n.abs() && (interval_s / first_s - 1.0).abs() < SAME_INTERVAL;
         is_alike.then_some(((*position_m.get(row + 1)?)? - position_m[row]?) / switch_n)
     };
-    let expected_m = first_n * median((1..force_n.len()).filter_map(of_switch).collect())?;
+    let next_m = || {
+        let [t0, t1, ..] = time_s[..] else { return None };
+        let is_alike = force_n.get(1) == Some(&first_n) && ((t1 - t0) / first_s - 1.0).abs() < SAME_INTERVAL;
+        is_alike.then_some((*position_m.get(1)?)? - first_m)
+    };
+    let switches = (1..force_n.len()).filter_map(of_switch).collect();
+    let expected_m = median(switches).map(|motion| first_n * motion).or_else(next_m)?;
     (expected_m.abs() > SHOWS * short_lag_noise_m(position_m)).then(|| first_m / expected_m)
 }
 

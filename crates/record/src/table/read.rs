@@ -283,7 +283,7 @@ impl Clock {
     ) -> Result<f64> {
         let refuse = |what: &str| {
             let remedy = match cell.contains(|c: char| c.is_ascii_digit()) {
-                true => "correct the time, or `time` in [measurement.units]".into(),
+                true => "correct the time, or the unit of `time`".into(),
                 false => {
                     let comment = layout.comment.as_deref().unwrap_or("#");
                     format!("write the time; if the line is no row, begin it with `{comment}` or delete it")
@@ -337,7 +337,7 @@ impl Clock {
         match elapsed_s.as_slice() {
             [] => refuse(
                 "is not a date with a time such as 2026-11-22T10:15:00.25Z or 22.11.2026 10:15:00",
-                "correct the time, or `time` in [measurement.units]".into(),
+                "correct the time, or the unit of `time`".into(),
             ),
             [first, others @ ..] if others.iter().any(|other| other != first) => refuse(
                 "may begin with the day or with the month, and the resulting times differ",
