@@ -561,7 +561,7 @@ fn a_narrow_sheet_after_a_wide_one_is_read() {
 /// Several specimens in one table are asked for by the column that names them. The size of a specimen that is compressed changes against the force.
 #[test]
 fn specimens_of_one_table_are_told_apart() {
-    let mut text = String::from("Set Name,Time (s),Force (uN),Current Size (um)\n");
+    let mut text = String::from("Specimen Name,Time (s),Force (uN),Current Size (um)\n");
     for set in ["A", "B"] {
         for row in 0..200 {
             let noise = 0.4 * ((1.0 + f64::from(row)) * 12.9898).sin();
@@ -614,4 +614,53 @@ fn an_oscillation_may_have_no_header() {
     let sweep = told([Some("rad/s"), Some("kPa")]).expect("a sweep");
     assert!((sweep.rows[0].frequency_hz - 0.1 / std::f64::consts::TAU).abs() < 1e-6);
     assert!((sweep.rows[10].pair[0] - 150_000.0).abs() < 1.0, "{:?}", sweep.rows[10]);
+}
+
+/// A log of the force has the times at which forces begin or end, times of a clock, or ramps.
+#[test]
+fn a_log_says_when_its_forces_act() {
+    let clock = |t: f64| format!("10:00:{t:06.3}");
+    let track = |time: &dyn Fn(f64) -> String, name: &str| -> String {
+        (0..320)
+            .map(|row| 0.1 * f64::from(row))
+            .fold(format!("{name},Position (um)\n"), |all, t| all + &format!("{},{:.3}\n", time(t), crept(t)))
+    };
+    let plain = |t: f64| format!("{t:.1}");
+    let with = |track: &str, log: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("track.csv"), track).expect("room on the disk");
+        std::fs::write(at("log.csv"), log).expect("room on the disk");
+        let request = InitRequest {
+            file: at("track.csv"),
+            out: Some(at("out")),
+            sizes: [Some(0.55), Some(20.0), Some(0.48)],
+            force_file: Some(at("log.csv")),
+            ..InitRequest::default()
+        };
+        run(&request, &mut |_| None).map_err(|error| error.to_string())?;
+        Experiment::read(&at("out")).map(|(experiment, _)| experiment.record).map_err(|error| error.to_string())
+    };
+    let seconds = track(&plain, "Time (s)");
+    for (track, log) in [
+        (&seconds, "time (s),force (uN)\n0,0\n2,4.6\n12,0\n22,4.6\n"),
+        (&seconds, "t_end (s),force (uN)\n2,0\n12,4.6\n22,0\n33,4.6\n"),
+        (&track(&clock, "Time of day"), "Time,force (uN)\n10:00:00,0\n10:00:02,4.6\n10:00:12,0\n10:00:22,4.6\n"),
+    ] {
+        let record = with(track, log).expect("a record");
+        for (time_s, force_n) in record.time_s.iter().zip(&record.force_n) {
+            let acts = (2.0..12.0).contains(&(time_s + 1e-9)) || time_s + 1e-9 > 22.0;
+            assert!((1e6 * force_n - if acts { 4.6 } else { 0.0 }).abs() < 1e-6, "{log} {time_s} {force_n}");
+        }
+    }
+    let ramp: String = (0..320)
+        .map(|row| (0.1 * f64::from(row), 0.1 * f64::from((row - 20).clamp(0, 46))))
+        .fold(String::from("time (s),force (uN)\n"), |all, (t, force)| all + &format!("{t:.1},{force:.1}\n"));
+    assert_eq!(with(&seconds, &ramp).expect("a record").force_rule, ForceRule::Linear);
+    let stairs = with(&seconds, "time (s),force (uN)\n0,0\n5,1\n10,2\n15,3\n20,4\n25,0\n").expect("a record");
+    assert_eq!(stairs.force_rule, ForceRule::Hold);
+    let refused = with(&seconds, "duration (s),force (uN)\n2,0\n10,4.6\n").expect_err("no times");
+    assert!(refused.contains("holds durations"), "{refused}");
+    let refused = with(&seconds, "Time,force (uN)\n0:00,0\n0:10,4.6\n0:20,0\n").expect_err("two parts");
+    assert!(refused.contains("no column has a unit of time"), "{refused}");
 }

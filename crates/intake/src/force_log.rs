@@ -6,12 +6,12 @@ use super::source::TableSource;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::toml_input::{UNKNOWN, quoted};
 use base::units::Dimension;
+use record::ramps_between_holds;
 use record::table::{InspectedTable, cells, clock_word, decode_detected, inspect_table, is_blank_or_comment};
-use record::{has_noisy_levels, sampled_ramps};
 
 /// Words of a column with the times at which forces end.
-const ENDS: [&str; 6] = ["end", "until", "stop", "ende", "bis", "fin"];
-/// Beginnings of words of a column with the durations of forces.
+const ENDS: [&str; 7] = ["end", "until", "stop", "ende", "endzeit", "bis", "fin"];
+/// Parts of the name of a column with the durations of forces.
 const DURATIONS: [&str; 3] = ["duration", "dauer", "durée"];
 
 /// File with the force, and its columns of time and force.
@@ -63,7 +63,8 @@ impl ForceLog {
         let text = decode_detected(&source.bytes);
         let lines = text.lines().skip(table.layout.first_row_line - 1).filter(|line| !is_blank_or_comment(line, None));
         let rows: Vec<Vec<_>> = lines.map(|line| cells(line, table.layout.delimiter)).collect();
-        let mut first_cells = rows.first().into_iter().flatten().enumerate();
+        let has_unit = table.units.iter().flatten().any(|unit| unit.dimension == Dimension::Time);
+        let mut first_cells = rows.first().into_iter().flatten().enumerate().filter(|_| !has_unit);
         let clock =
             first_cells.find_map(|(place, cell)| Some(LogColumn { number: place + 1, unit: clock_word(cell)?.into() }));
         let time = match clock {
@@ -84,7 +85,7 @@ impl ForceLog {
         }
         let forces = rows.iter().filter_map(|row| table.layout.number(row.get(force.number - 1)?));
         let forces: Vec<f64> = forces.collect();
-        let is_linear = !has_noisy_levels(&forces) && !sampled_ramps(&forces).is_empty();
+        let is_linear = ramps_between_holds(&forces).is_some();
         let is_current = is_of(&force, Dimension::Current);
         Ok(Self { table, time, force, is_current, is_linear, source })
     }

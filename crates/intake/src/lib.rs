@@ -137,7 +137,9 @@ fn one(
             if creep.constant.is_none() {
                 refuse_flow(place, &proposal)?;
             }
-            proposal.reasons.extend(unused_sizes_remark(&request));
+            if request.specimen.iter().all(Option::is_none) || creep.compliance != 1.0 {
+                proposal.reasons.extend(unused_sizes_remark(&request));
+            }
             Device::StressStrain(Box::new(creep))
         }
         None => {

@@ -37,6 +37,8 @@ const OF_TESTS: [&str; 12] = [
     "instron",
     "zwick",
 ];
+/// Number of lines above the rows among which the name of the table's step stands, with names, units and a remark.
+const HEADER_LINES: usize = 4;
 /// Signs between a name and its value.
 const BETWEEN: [char; 5] = ['\t', ':', '=', ',', ';'];
 
@@ -57,14 +59,16 @@ pub(super) struct StatedValue {
 }
 
 impl<'a> Preamble<'a> {
-    /// Line that says that the specimen is tested in tension, compression or bending. `None` without such a line, or if another line names shear. The name of a step, such as
-    /// `Axial - 1`, says more than the geometry, whose plates may be those of a rheometer.
+    /// Line that says that the specimen is tested in tension, compression or bending. `None` without such a line, or if another line names shear. The name of the table's step, such
+    /// as `Axial - 1`, says more than the geometry, whose plates may be those of a rheometer.
     pub fn uniaxial_line(self) -> Option<&'a str> {
         let is_axial = |line: &str| {
             let lower = line.to_lowercase();
             lower.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty()).eq(["axial"])
         };
-        if let Some((_, line)) = self.0.iter().find(|(_, line)| is_axial(line)) {
+        let last = self.0.last().map_or(0, |(number, _)| *number);
+        let is_of_table = |number: usize| number + HEADER_LINES > last;
+        if let Some((_, line)) = self.0.iter().find(|(number, line)| is_of_table(*number) && is_axial(line)) {
             return Some(line.trim());
         }
         let of_test = || {

@@ -551,7 +551,7 @@ impl StressStrain {
 
     /// Takes the test for one of tension or compression, unless a column says otherwise.
     pub fn take_for_tension(&mut self, looked: &InspectedTable, because: &str) {
-        if self.compliance != 1.0 && !looked.columns.iter().any(|name| called(name, &MULTIAXIAL, &[])) {
+        if self.compliance != 1.0 && !rotates(looked) {
             self.compliance = 1.0;
             self.uniaxial_because = Some(because.into());
         }

@@ -31,6 +31,11 @@ impl Actuation {
         actuation.only(&[&["file", "force", "calibration"], &KEYS[..]].concat())?;
         let description = TableDescription::read_log(actuation)?;
         let calibration = actuation.numbers("calibration")?.unwrap_or_default();
+        let rule = read_choice(actuation, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default();
+        if description.acts_until_row && rule == ForceRule::Linear {
+            let found = "the key needs a force that holds between rows";
+            return Err(actuation.refuse("force_acts", found, "remove it, or write `force = \"hold\"`"));
+        }
         let is_current = description.force.as_ref().is_some_and(|(_, unit)| unit.dimension == Dimension::Current);
         if is_current && calibration.is_empty() {
             return Err(actuation.missing("calibration", "calibration = [0.0, 2.3e-6]"));
@@ -43,13 +48,7 @@ impl Actuation {
                 remedy,
             ));
         }
-        Ok(Self {
-            file: file(actuation)?,
-            description,
-            calibration,
-            rule: read_choice(actuation, "force", &ForceRule::ALL, ForceRule::name)?.unwrap_or_default(),
-            rule_given: actuation.has("force"),
-        })
+        Ok(Self { file: file(actuation)?, description, calibration, rule, rule_given: actuation.has("force") })
     }
 
     /// Returns the camera's trajectory with the force of the log, and the indices of added rows. A row is added wherever the force changes between
@@ -94,7 +93,7 @@ impl Actuation {
         let mut log = read_described(file, &text, &self.description)?;
         let later_s = log.clock_zero_s - trajectory.clock_zero_s;
         log.time_s.iter_mut().for_each(|time_s| *time_s += later_s);
-        // The force of the first row has acted since the camera's first row, if it acts until its own.
+        // If forces act until their rows, that of the first row has acted since the camera's first row, and none acts after the last.
         let started_s = trajectory.time_s.first().copied().unwrap_or(0.0);
         if let Some(before_n) =
             log.force_before_n.filter(|_| log.time_s.first().is_some_and(|first_s| *first_s > started_s))
@@ -102,6 +101,9 @@ impl Actuation {
             log.time_s.insert(0, started_s);
             log.force_n.insert(0, before_n);
             log.lines.insert(0, log.lines[0]);
+        }
+        if let (Some(_), Some(last_n)) = (log.force_before_n, log.force_n.last_mut()) {
+            *last_n = 0.0;
         }
         for (force, line) in log.force_n.iter_mut().zip(&log.lines) {
             if !self.calibration.is_empty() {

@@ -262,11 +262,11 @@ impl Changes {
     }
 }
 
-/// True if a quantity changes at a much steadier rate in time than the other one.
+/// True if a quantity changes at a much steadier rate in time than the other one, which drifts to the end: a body that flows under a force goes on at one rate after the force's ramp.
 fn is_at_one_rate(time_s: &[f64], values: &[f64], others: &[f64]) -> bool {
     let [own, other] = [values, others].map(|values| rates(time_s, values));
     let spread = rate_spread(&own);
-    spread < STEADY && rate_spread(&other) > 3.0 * spread && (has_trend(&other) || drifts(&other))
+    spread < STEADY && rate_spread(&other) > 3.0 * spread && (has_trend(&other) || drifts(&other[other.len() / 2..]))
 }
 
 /// Mean rates of a quantity between parts of equal duration, in ranges for each part. Rows may be denser in some of them. Times that do not ascend count as rows.
@@ -420,6 +420,24 @@ mod tests {
         assert!(nothing_holds(&rows(&force), &some(rows(&triangle))));
         assert!(!nothing_holds(&rows(&|t: f64| f64::from(u8::from(t % 20.0 < 10.0))), &some(rows(&triangle))));
         assert!(correlation_of_changes(&rows(&force), &some(rows(&|t: f64| -triangle(t)))) < -0.5);
+    }
+
+    /// A body that flows at one rate after the ramp of its force, and one whose force has noise.
+    #[test]
+    fn a_flow_after_a_ramp_is_no_command() {
+        let noise = |t: f64| 0.02 * (((1.0 + t) * 12.9898).sin() * 43_758.545_3).fract();
+        for ramp_s in [2.0, 3.0, 6.0] {
+            let flow = |t: f64| if t < ramp_s { 0.5 * t * t / ramp_s } else { t - 0.5 * ramp_s };
+            for size in [0.0, 1.0] {
+                assert_eq!(
+                    control(|t| (t / ramp_s).min(1.0) + size * noise(t), flow),
+                    Control::Force,
+                    "{ramp_s} {size}"
+                );
+            }
+        }
+        // A noisy stress that grows with the ramp of a strain.
+        assert_eq!(control(|t| 0.2 + t / 60.0 + (t / 60.0).powi(3) + 5.0 * noise(t), |t| t), Control::Position);
     }
 
     /// The rows of a ramp are dense at its start.

@@ -219,6 +219,22 @@ pub fn sampled_ramps(force_n: &[f64]) -> Vec<Range<usize>> {
     runs.filter(is_ramp).collect()
 }
 
+/// Largest part of the rows in which a force with sampled ramps changes, and in which it jumps beside them. One that changes or jumps more often is measured, or has a row for each switch.
+const MOST_CHANGES: f64 = 0.5;
+const MOST_JUMPS: f64 = 0.05;
+
+/// Rows of the first sampled ramp of a force (N) that holds in most rows, and the rows in which it jumps. `None` without such a ramp, and for the noise of a sensor.
+pub fn ramps_between_holds(force_n: &[f64]) -> Option<(Range<usize>, Vec<usize>)> {
+    let ramps = sampled_ramps(force_n);
+    let first = ramps.first()?.clone();
+    let is_in_ramp = |row: usize| ramps.iter().any(|ramp| ramp.contains(&row) && row > ramp.start);
+    let changed: Vec<usize> = (1..force_n.len()).filter(|row| force_n[*row] != force_n[row - 1]).collect();
+    let jumps: Vec<usize> = changed.iter().copied().filter(|row| !is_in_ramp(*row)).collect();
+    let is_at_most = |count: usize, part: f64| (count as f64) < part * force_n.len() as f64;
+    let holds = is_at_most(changed.len(), MOST_CHANGES) && (jumps.is_empty() || is_at_most(jumps.len(), MOST_JUMPS));
+    (holds && !has_noisy_levels(force_n)).then_some((first, jumps))
+}
+
 /// True if the force (N) is constant in every hold, apart from a sensor's noise.
 pub fn has_noisy_levels(force_n: &[f64]) -> bool {
     levels(force_n).is_some()

@@ -29,7 +29,7 @@ pub use apparatus::{
     Apparatus, Offset, OffsetDirection, Orientation, Robot, RobotShape, STRESS_STRAIN, Vitreous, density_toml,
 };
 pub use control::Control;
-pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels, sampled_ramps};
+pub use force::{Force, ForceRule, OwnedForce, has_noisy_levels, ramps_between_holds, sampled_ramps};
 pub use frame::{AppliedFrame, Direction, Frame, Projection, Zero, is_work_negative};
 pub use indenter::{Indenter, Tip};
 pub use inputs::{ExperimentFiles, Interpretation, OSCILLATION, RELAXATION};

@@ -305,6 +305,10 @@ impl Specification {
         };
         let (force_rule, force_rule_given) =
             actuation.as_ref().map_or((of_rows, measurement.has(rule_key)), |log| (log.rule, log.rule_given));
+        if measurement.has("force_acts") && (control == Control::Position || force_rule == ForceRule::Linear) {
+            let found = "the key needs a commanded force that holds between rows";
+            return Err(measurement.refuse("force_acts", found, "remove it, or the rule `linear`"));
+        }
         let constant = measurement.number("constant")?;
         if constant == Some(0.0) || constant.is_some() && actuation.is_some() {
             let remedy = "give the value of the commanded quantity, in N or m (for stress and strain in Pa or 1), or leave the key out";

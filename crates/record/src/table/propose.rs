@@ -17,7 +17,7 @@ use super::spelling::{
 use super::steps::{StepClock, is_of_step};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::{Control, answers_after_jumps, holds_as_written, is_steadier, nothing_holds, opposes};
-use crate::force::{has_noisy_levels, sampled_ramps};
+use crate::force::{has_noisy_levels, ramps_between_holds};
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
 use crate::noise::written_step_m;
@@ -30,8 +30,7 @@ use base::units::Dimension;
 /// Lower-case names of columns that name a tracker's tracks; `id` may follow.
 const TRACKS: [&str; 5] = ["track", "particle", "trajectory", "bead", "spottrack"];
 /// Lower-case names of columns that name specimens, of which a table holds one after the other; `id` or `name` may follow.
-const SPECIMENS: [&str; 11] =
-    ["set", "specimen", "sample", "robot", "roi", "well", "gel", "eye", "replicate", "curve", "cell"];
+const SPECIMENS: [&str; 8] = ["specimen", "sample", "robot", "roi", "well", "gel", "eye", "replicate"];
 /// Least number of rows of a specimen. A column with fewer counts something else.
 const FEWEST_OF_SPECIMEN: usize = 10;
 /// Largest number of tracks that are distinguished in a table.
@@ -47,8 +46,6 @@ const GOES_ON: f64 = 0.1;
 const LONGEST_PAUSE: f64 = 3.0;
 /// Longest time of a jump, as a fraction of the mean interval between rows.
 const AT_ONCE: f64 = 0.01;
-/// Largest part of the rows in which a force with sampled ramps also jumps.
-const MOST_JUMPS: f64 = 0.05;
 /// Largest distance of a position from 0 at which it counts as 0, as a fraction of the positions' range.
 const NEAR_ZERO: f64 = 0.02;
 
@@ -272,7 +269,8 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         ));
     }
     let mut steps = described.clock_of_steps(&description, &trajectory);
-    if let Some(clock) = steps.as_ref().filter(|clock| clock.is_single() && given.columns[0].is_none()) {
+    let takes_step = given.columns[0].is_none() && !given.force_is_elsewhere;
+    if let Some(clock) = steps.as_ref().filter(|clock| clock.is_single() && takes_step) {
         let (time, single) = (described.column_name(clock.at), TimeFormat::Unit(clock.unit.clone()));
         if time != description.time.0 {
             reasons.push(format!("the times are those of {}, which counts from the start of the step", spoken(&time)));
@@ -287,7 +285,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
             "the force varies about fixed levels like the signal of a sensor, so each hold gets its median (force = \"levels\")".into(),
         );
     }
-    let ramps = if has_noisy_levels { None } else { ramps_between_holds(&trajectory) };
+    let ramps = reason_of_ramps(&trajectory);
     let is_creep = Control::likely(&trajectory.time_s, &trajectory.force_n, &trajectory.position_m) == Control::Force;
     let until_row = steps
         .as_ref()
@@ -959,22 +957,11 @@ impl DescribedFile<'_> {
 }
 
 /// Reason for which a force is linear between rows: it has sampled ramps, and holds in most other rows. `None` without such ramps.
-fn ramps_between_holds(trajectory: &Trajectory) -> Option<String> {
+fn reason_of_ramps(trajectory: &Trajectory) -> Option<String> {
     let Trajectory { time_s, force_n, lines, .. } = trajectory;
-    let ramps = sampled_ramps(force_n);
-    let first = ramps.first()?;
-    let n_changes = force_n.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    if 2 * n_changes >= force_n.len() {
-        return None;
-    }
-    let is_in_ramp = |row: usize| ramps.iter().any(|ramp| ramp.contains(&row) && row > ramp.start);
+    let (first, mut jumps) = ramps_between_holds(force_n)?;
     let least_s = AT_ONCE * (time_s.last()? - time_s.first()?) / time_s.len() as f64;
-    let is_jump = |row: &usize| force_n[*row] != force_n[row - 1] && time_s[*row] - time_s[row - 1] > least_s;
-    let jumps: Vec<usize> = (1..force_n.len()).filter(|row| is_jump(row) && !is_in_ramp(*row)).collect();
-    // A force that jumps so often is measured.
-    if jumps.len() as f64 > MOST_JUMPS * force_n.len() as f64 {
-        return None;
-    }
+    jumps.retain(|row| time_s[*row] - time_s[row - 1] > least_s);
     let of_jumps = jumps.first().map_or(String::new(), |first| {
         format!(
             "; it also jumps, first in line {} ({} in all): give each jump a row just before its time, with the old force and an empty position, because it takes the whole interval otherwise",

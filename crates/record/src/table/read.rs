@@ -227,7 +227,7 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         acts_until_row: description.acts_until_row,
     };
     trajectory.ordered = order_times(&place, description.time_rules, &starts, rows)?;
-    if description.acts_until_row && !is_force_measured {
+    if description.acts_until_row {
         trajectory.act_until_rows();
     }
     trajectory.clock_zero_s = clock.first_s.unwrap_or(0.0);

@@ -442,12 +442,12 @@ pub fn is_date_time(cell: &str) -> bool {
 }
 
 /// Word in `experiment.toml` for the times of a clock, by one of its cells: `iso` for a date that begins with the year, `clock` for a time of day. `None` for numbers, and for dates that
-/// may begin with the day or with the month.
+/// may begin with the day or with the month, and times of two parts.
 pub fn clock_word(cell: &str) -> Option<&'static str> {
     let n_digits = cell.bytes().take_while(u8::is_ascii_digit).count();
     match is_date_time(cell) {
         true => (n_digits == 4).then_some("iso"),
-        false => clock_s(cell).map(|_| "clock"),
+        false => clock_s(cell).filter(|_| hours_minutes_s(cell).is_none()).map(|_| "clock"),
     }
 }
 

@@ -35,9 +35,10 @@ impl StepClock {
         let (first_s, last_s) = (time_s.first()?, time_s.last()?);
         let rounding_s = ROUNDING * (last_s - first_s);
         let start = |(time_s, since_s): (&f64, &f64)| {
-            Some(time_s - since_s).map(|s| if s.abs() < rounding_s { 0.0 } else { s })
+            let start_s = time_s - since_s;
+            if start_s.abs() < rounding_s { 0.0 } else { start_s }
         };
-        let starts_s: Vec<f64> = time_s.iter().zip(since_s).filter_map(start).collect();
+        let starts_s: Vec<f64> = time_s.iter().zip(since_s).map(start).collect();
         let (mut first_rows, mut of_step) = (Vec::new(), 0);
         for row in 1..time_s.len() {
             let interval_s = |row: usize| time_s[row] - time_s[row - 1];
