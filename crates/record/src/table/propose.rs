@@ -1438,7 +1438,7 @@ mod tests {
         let within = read(&format!("{rows}paused,1,4\n4,1,5\n5,1,6\n")).unwrap_err();
         assert!(within.contains("line 6") && within.contains("begin it with `#` or delete it"), "{within}");
         let specimens: String = (0..30).map(|k| format!("{},{k},1,{k}\n", if k < 15 { "1" } else { "A" })).collect();
-        let many = read(&format!("eye,t [s],F [uN],x [um]\n{specimens}")).unwrap();
+        let many = read(&format!("label,t [s],F [uN],x [um]\n{specimens}")).unwrap();
         assert_eq!(many.n_rows, 30);
     }
 
