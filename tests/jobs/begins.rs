@@ -55,6 +55,10 @@ fn told(text: &str, load_start: &str) -> Result<(Experiment, String), String> {
     read(text, |request| request.load_start = Some(load_start.into()))
 }
 
+fn of_second_table(text: &str) -> Result<(Experiment, String), String> {
+    read(text, |request| request.known_columns.tables = Some("2".into()))
+}
+
 #[test]
 fn a_creep_without_its_first_rows_asks_when_it_began() {
     let (experiment, words) = plainly(&creep_from(0.5)).expect("a creep");
@@ -429,8 +433,7 @@ fn a_clock_of_steps_may_not_fall() {
     assert!(switches.len() == 1 && (experiment.record.time_s[switches[0]] - 5.0).abs() < 1e-9, "{switches:?} {words}");
     let last = format!("Interval 2\n{}", text.replace(",3,", ",4,"));
     let both = format!("Interval 1\n{text}\n{last}");
-    let second = |request: &mut InitRequest| request.known_columns.tables = Some("2".into());
-    let (experiment, words) = read(&both, second).expect("a creep");
+    let (experiment, words) = of_second_table(&both).expect("a creep");
     assert_eq!(experiment.record.n_samples(), 64, "{words}");
 }
 
@@ -553,8 +556,7 @@ fn a_narrow_sheet_after_a_wide_one_is_read() {
     let text = format!(
         "sheet one\na\tb\tc\td\te\tf\tg\n{wide}\nsheet two\nTime [s]\tShear stress [Pa]\tShear strain [%]\tState\n{narrow}"
     );
-    let second = |request: &mut InitRequest| request.known_columns.tables = Some("2".into());
-    let (experiment, words) = read(&text, second).expect("a creep");
+    let (experiment, words) = of_second_table(&text).expect("a creep");
     assert_eq!(experiment.record.n_samples(), 40, "{words}");
 }
 

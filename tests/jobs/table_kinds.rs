@@ -1215,6 +1215,7 @@ fn several_sweeps_in_one_table_are_refused() {
         "Frequency(Hz),Shear modulus (elastic component)(Pa),Shear modulus (viscous component)(Pa)",
         "f en Hz,G' en Pa,G'' en Pa",
         "Fréquence [Hz],Module de Stockage [Pa],Module de Perte [Pa]",
+        "Angular frequency [1/s],G' [Pa],G'' [Pa]",
     ] {
         assert_eq!(tried(&format!("{header}\n{}", sweep(1.0))), Ok(20), "{header}");
     }

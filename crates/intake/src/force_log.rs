@@ -22,6 +22,8 @@ pub(super) struct ForceLog {
     time: LogColumn,
     force: LogColumn,
     is_current: bool,
+    /// True if each row has the time at which its force ends.
+    has_ends: bool,
     /// True if the force has sampled ramps, so that it is linear between rows.
     is_linear: bool,
 }
@@ -38,7 +40,7 @@ impl ForceLog {
     /// Reads the first table of a file and finds its columns by their units: the only time, and the only force or current. A clock has no unit.
     ///
     /// # Errors
-    /// [`Error::Input`] unless exactly one column has a unit of time and one a unit of force or current, or if durations stand in place of times.
+    /// [`Error::Input`] for durations, and unless one column alone has a unit of time and one alone a unit of force or current.
     pub fn read(file: &Path) -> Result<Self> {
         let source = TableSource::read(file)?;
         let table = inspect_table(&source.place, &source.bytes)?;
@@ -72,9 +74,6 @@ impl ForceLog {
             None => only("time", &[Dimension::Time], "time [s]")?,
         };
         let force = only("force or current", &[Dimension::Force, Dimension::Current], "force [uN]")?;
-        let is_of = |column: &LogColumn, dimension: Dimension| {
-            table.units[column.number - 1].as_ref().is_some_and(|unit| unit.dimension == dimension)
-        };
         let name = table.columns[time.number - 1].to_lowercase();
         if DURATIONS.iter().any(|word| name.contains(word)) {
             return Err(Error::input(
@@ -85,20 +84,16 @@ impl ForceLog {
         }
         let forces = rows.iter().filter_map(|row| table.layout.number(row.get(force.number - 1)?));
         let forces: Vec<f64> = forces.collect();
-        let is_linear = ramps_between_holds(&forces).is_some();
-        let is_current = is_of(&force, Dimension::Current);
-        Ok(Self { table, time, force, is_current, is_linear, source })
-    }
-
-    /// True if each row has the time at which its force ends.
-    fn has_ends(&self) -> bool {
-        let name = self.table.columns[self.time.number - 1].to_lowercase();
-        name.split(|c: char| !c.is_alphabetic()).any(|word| ENDS.contains(&word))
+        let has_ends = name.split(|c: char| !c.is_alphabetic()).any(|word| ENDS.contains(&word));
+        let is_linear = !has_ends && ramps_between_holds(&forces).is_some();
+        let unit = table.units[force.number - 1].as_ref();
+        let is_current = unit.is_some_and(|unit| unit.dimension == Dimension::Current);
+        Ok(Self { table, time, force, is_current, has_ends, is_linear, source })
     }
 
     /// Sentence on how the log is read.
     pub fn reason(&self) -> String {
-        let how = match (self.has_ends(), self.is_linear) {
+        let how = match (self.has_ends, self.is_linear) {
             (true, _) => "each row has the time at which its force ends (force_acts = \"until-row\")",
             (false, true) => "it has sampled ramps, and is linear between rows (force = \"linear\")",
             (false, false) => "each force holds until the next row (force = \"hold\")",
@@ -119,7 +114,7 @@ impl ForceLog {
             format!("file = {}", quoted(&self.source.name)),
             format!(
                 "{:<36} # between the log's rows: \"hold\" until the next one, or \"linear\"",
-                format!("force = \"{}\"", if self.is_linear && !self.has_ends() { "linear" } else { "hold" })
+                format!("force = \"{}\"", if self.is_linear { "linear" } else { "hold" })
             ),
             format!("delimiter = {}", quoted(layout.delimiter.name())),
             format!("decimal = {}", quoted(layout.decimal.name())),
@@ -130,7 +125,7 @@ impl ForceLog {
                 quoted(UNKNOWN)
             ));
         }
-        if self.has_ends() {
+        if self.has_ends {
             lines.push("force_acts = \"until-row\"            # each force has acted since the row before".into());
         }
         lines.extend(layout.encoding.map(|encoding| format!("encoding = {}", quoted(encoding.name()))));
