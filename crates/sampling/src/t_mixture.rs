@@ -25,6 +25,15 @@ const DRAWS_PER_COORDINATE: usize = 100;
 const MAX_COMPONENTS: usize = 8;
 /// Number of draws per coordinate below which a refit drops a component. In a refit the component's former shape counts as this number of draws.
 const FEWEST_DRAWS_PER_COORDINATE: f64 = 2.0;
+/// Largest number of components of a grown mixture.
+const MOST_GROWN_COMPONENTS: usize = 16;
+/// Number of draws per coordinate and component that a growing mixture needs.
+const GROWTH_DRAWS_PER_COORDINATE: usize = 20;
+/// Number of expectation–maximisation steps after each doubling of a growing mixture.
+const GROWTH_STEPS: usize = 20;
+/// Smallest gain in mean log density of draws outside the fit, in nats, for which a growing mixture keeps further components. A posterior that is
+/// nearly Gaussian keeps one component, which is evaluated fastest.
+const SMALLEST_GROWTH_GAIN: f64 = 0.05;
 
 /// Number of points that one pass of vector instructions processes together.
 const BLOCK: usize = 16;
@@ -148,6 +157,51 @@ impl TMixture {
         let mut shapes = self.shapes();
         shapes.iter_mut().for_each(|shape| shape.covariance *= stretch * stretch);
         Self::new(shapes, self.dimension).unwrap_or_else(|| self.clone())
+    }
+
+    /// Returns the mixture with as many further components as describe the draws `points` clearly better, for example on a curved ridge. Every second
+    /// draw is fitted, the others judge the fit. New components start at draws that `stream` selects far from the present ones.
+    pub fn grown(&self, points: &[Vec<f64>], stream: &mut RandomStream) -> Self {
+        let every_second = |first: usize| points.iter().skip(first).step_by(2).cloned().collect::<Vec<_>>();
+        let (fitted, others) = (every_second(0), every_second(1));
+        let weights = vec![1.0 / fitted.len().max(1) as f64; fitted.len()];
+        let score =
+            |mixture: &Self| others.iter().map(|point| mixture.log_density(point)).sum::<f64>() / others.len() as f64;
+        let mut best = self.clone();
+        loop {
+            let n_components = 2 * best.n_components();
+            if n_components > MOST_GROWN_COMPONENTS
+                || fitted.len() < n_components * GROWTH_DRAWS_PER_COORDINATE * self.dimension
+            {
+                return best;
+            }
+            let start = best.with_centres(&best.distant(&fitted, best.n_components(), stream));
+            let grown = (0..GROWTH_STEPS).fold(start, |mixture, _| mixture.refitted(&fitted, &weights));
+            let gain = score(&grown) - score(&best);
+            if gain.is_nan() || gain < SMALLEST_GROWTH_GAIN {
+                return best;
+            }
+            best = grown;
+        }
+    }
+
+    /// Selects `n` of the points at random, with probabilities proportional to their squared scaled distances from the nearest component.
+    fn distant(&self, points: &[Vec<f64>], n: usize, stream: &mut RandomStream) -> Vec<Vec<f64>> {
+        let distance2 =
+            |point: &Vec<f64>| self.components.iter().map(|c| c.distance2(point)).fold(f64::INFINITY, f64::min);
+        let mut total = 0.0;
+        let sums: Vec<f64> = points
+            .iter()
+            .map(|point| {
+                total += distance2(point);
+                total
+            })
+            .collect();
+        let mut one = |_| {
+            let u = total * stream.unit();
+            points[sums.partition_point(|sum| *sum <= u).min(points.len() - 1)].clone()
+        };
+        (0..n).map(&mut one).collect()
     }
 
     /// Returns the mixture refitted to weighted points by one step of expectation and maximisation. The weights add up to one. A component with
@@ -510,5 +564,26 @@ mod tests {
         let narrow = q.components.iter().find(|component| component.spread[0] < 0.2).unwrap();
         assert!((narrow.location[0] - 1.0).abs() < 0.02 && (narrow.spread[0] - 0.1).abs() < 0.01);
         assert_eq!(q.components.len(), 2);
+    }
+
+    /// A banana of relative width 0.1 needs several components, a Gaussian one. The grown mixture must describe new draws better, not only its own.
+    #[test]
+    fn a_mixture_grows_on_a_curved_ridge_only() {
+        let mut stream = RandomStream::new(10, 0);
+        let mut draws = |bend: f64| -> Vec<Vec<f64>> {
+            let mut one = |_| {
+                let along = stream.normal();
+                vec![along, bend * along * along + 0.1 * stream.normal()]
+            };
+            (0..8_000).map(&mut one).collect()
+        };
+        for (bend, grows) in [(0.0, false), (1.0, true)] {
+            let (points, new) = (draws(bend), draws(bend));
+            let one = TMixture::from_moments(&points, &vec![1.0 / 8_000.0; 8_000]).unwrap();
+            let grown = one.grown(&points, &mut RandomStream::new(11, 0));
+            assert_eq!(grown.n_components() > 1, grows, "{}", grown.n_components());
+            let gain = new.iter().map(|x| grown.ln_density(x) - one.ln_density(x)).sum::<f64>() / 8_000.0;
+            assert_eq!(gain > 0.5, grows, "{gain}");
+        }
     }
 }

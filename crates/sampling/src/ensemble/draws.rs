@@ -67,15 +67,17 @@ impl Draws {
         self.with_values(values)
     }
 
-    /// Returns the draws of all ensembles from kept step `first` on, one vector of coordinates per draw.
-    pub fn points(&self, first: usize) -> Vec<Vec<f64>> {
-        let mut points = Vec::new();
+    /// Returns the draws of all ensembles from kept step `first` on, one vector of coordinates per draw, and their log densities.
+    pub fn since(&self, first: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let (mut points, mut log_density) = (Vec::new(), Vec::new());
         for ensemble in 0..self.n_ensembles {
             for step in first..self.n_steps {
                 points.extend((0..self.n_walkers).map(|walker| self.point(ensemble, step, walker)));
             }
+            let row = |step: usize| (ensemble * self.n_steps + step) * self.n_walkers;
+            log_density.extend_from_slice(&self.log_density[row(first)..row(self.n_steps)]);
         }
-        points
+        (points, log_density)
     }
 
     fn with_values(&self, values: Vec<f64>) -> DrawColumn {

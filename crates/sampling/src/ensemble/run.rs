@@ -4,6 +4,7 @@ use super::batches::{CountingDensity, SplitDensity};
 use super::draws::{DrawRecord, Draws, join};
 use super::moves::Independence;
 use super::options::{Batches, Phase, Progress, RunControl, SamplerOptions};
+use super::random::RandomStream;
 use super::recover::{Recovery, reseed_stranded_walkers};
 use super::starts;
 use super::state::{AdaptationState, EnsembleRecord, from_bytes, problem, to_bytes};
@@ -50,10 +51,17 @@ pub struct SampleOutcome {
 
 /// Number of steps of the first burn-in round. Each later round doubles the total number of steps.
 const FIRST_ROUND: u64 = 128;
+/// Largest number of steps of the first sampling round.
+const LONGEST_FIRST_ROUND: f64 = 256.0;
 /// Shortest burn-in, in autocorrelation times. If a burn-in is shorter, another round follows.
 const BURN_IN_TIMES: f64 = 10.0;
 /// Fraction of accepted jumps above which jumps are used as often as allowed. With a smaller fraction, the other moves are more effective.
 const FULL_JUMP_ACCEPTANCE: f64 = 0.3;
+/// Probability to leave a point by a jump below which only half as many jumps are made, because other moves must reach and leave such points.
+const HARD_ACCEPTANCE: f64 = 0.1;
+/// Number of the random stream that selects where components of the approximation start. Walkers' streams have smaller numbers, those that all walkers
+/// of an ensemble share larger ones.
+const FIT_STREAM: u64 = 1 << 62;
 /// Wall-clock time between two checks for progress, stop requests and checkpoints. It has no influence on results.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
@@ -269,7 +277,10 @@ impl<'a> EnsembleRun<'a> {
         self.course.forced |= recovery.invalidates_draws() && !may_burn;
         match self.course.phase {
             _ if may_burn && recovery.invalidates_draws() => self.burn_in(steps),
-            Phase::BurnIn if may_burn && too_short => self.burn_in(steps),
+            Phase::BurnIn if may_burn && too_short => {
+                self.fit_jumps(&draws);
+                self.burn_in(steps);
+            }
             Phase::Sampling if 2 * steps <= self.options.max_steps && too_short => self.freeze(steps, time, &draws),
             Phase::BurnIn => self.freeze(steps, time, &draws),
             Phase::Sampling => return Ok(self.judge(draws, time, &recovery)),
@@ -330,20 +341,25 @@ impl<'a> EnsembleRun<'a> {
         self.fit_jumps(draws);
         self.discard(steps);
         let wanted = 1.05 * self.options.convergence.autocorrelation_times * time;
-        // If the burn-in did not determine the autocorrelation time, the first sampling round is short.
-        self.go_on(steps, if wanted.is_finite() { wanted.clamp(64.0, 1e6) } else { 256.0 });
+        // The first sampling round is short, because the new approximation can shorten the autocorrelation time, and the burn-in may not have determined it.
+        self.go_on(
+            steps,
+            if wanted.is_finite() { wanted.clamp(64.0, LONGEST_FIRST_ROUND) } else { LONGEST_FIRST_ROUND },
+        );
     }
 
-    /// Fits the approximation of the posterior from which jumps are drawn to the second half of the draws. If few jumps are accepted, jumps become
-    /// rarer.
+    /// Fits the approximation of the posterior from which jumps are drawn to the second half of the draws. Jumps are rarer if few of them will be
+    /// accepted.
     fn fit_jumps(&mut self, draws: &Draws) {
-        let counts = self.lanes.iter().map(|lane| lane.ensemble.jumps());
-        let (proposed, accepted) = counts.fold((0, 0), |sum, count| (sum.0 + count.proposed, sum.1 + count.accepted));
-        let acceptance = accepted as f64 / proposed.max(1) as f64;
-        let fraction = self.options.jump_fraction * (acceptance / FULL_JUMP_ACCEPTANCE).clamp(0.1, 1.0);
-        let points: Vec<Vec<f64>> = draws.points(draws.n_steps / 2);
-        let fitted = Independence::fitted(&self.course.modes, draws.dimension, &points);
-        self.course.jumps = fitted.map(|q| (q, fraction));
+        let (points, log_density) = draws.since(draws.n_steps / 2);
+        let mut stream = RandomStream::new(self.options.seed, FIT_STREAM);
+        let fitted = Independence::fitted(&self.course.modes, draws.dimension, &points, &log_density, &mut stream);
+        self.course.jumps = fitted.map(|q| {
+            let [acceptance, hard] = q.acceptance(&points, &log_density);
+            let of_hard = if hard < HARD_ACCEPTANCE { 0.5 } else { 1.0 };
+            let fraction = self.options.jump_fraction * (acceptance / FULL_JUMP_ACCEPTANCE).clamp(0.1, 1.0) * of_hard;
+            (q, fraction)
+        });
     }
 
     fn discard(&mut self, steps: u64) {

@@ -12,6 +12,9 @@ use crate::optimum::Modes;
 use crate::t_mixture::{Jumps, TMixture};
 use serde::{Deserialize, Serialize};
 
+/// Largest number of draws to which a growing mixture is fitted.
+const MOST_GROWTH_DRAWS: usize = 8192;
+
 /// Independence move that draws from a mixture of t distributions with six degrees of freedom.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -25,10 +28,41 @@ impl Independence {
         TMixture::from_modes(modes, dimension).map(|mixture| Self { mixture })
     }
 
-    /// Builds the move with one mixture component per mode. A component's location and shape are fitted to the draws nearest to its mode, if there
-    /// are enough of them. Each entry of `points` is one draw.
-    pub fn fitted(modes: &Modes, dimension: usize, points: &[Vec<f64>]) -> Option<Self> {
-        TMixture::fitted(modes, dimension, points).map(|mixture| Self { mixture })
+    /// Builds the move from draws of the posterior and their log densities. Components are fitted to the draws nearest to each mode, if there are enough
+    /// of them. Further components follow where these describe the draws poorly, if more jumps are accepted with them. Each entry of `points` is one
+    /// draw; `stream` selects where components start.
+    pub fn fitted(
+        modes: &Modes,
+        dimension: usize,
+        points: &[Vec<f64>],
+        log_density: &[f64],
+        stream: &mut RandomStream,
+    ) -> Option<Self> {
+        let plain = Self { mixture: TMixture::fitted(modes, dimension, points)? };
+        let few: Vec<Vec<f64>> =
+            points.iter().step_by(points.len().div_ceil(MOST_GROWTH_DRAWS).max(1)).cloned().collect();
+        let grown = Self { mixture: plain.mixture.grown(&few, stream) };
+        let [of_plain, of_grown] = [&plain, &grown].map(|q| q.acceptance(points, log_density)[0]);
+        Some(if of_grown > of_plain { grown } else { plain })
+    }
+
+    /// Estimates the probability that a jump is accepted, from draws of the posterior and their log densities: the mean, and that at a point which jumps
+    /// rarely leave.
+    ///
+    /// With r = q/π, a jump from x is accepted with probability E min(r(x), r(y)) / E r over draws y from the posterior, because draws with weight r
+    /// represent q. The rarely left point is the draw with the 5 % quantile of r. The estimates are a few percent too large, because jumps into tails of q
+    /// beyond all draws are rejected and not counted.
+    pub fn acceptance(&self, points: &[Vec<f64>], log_density: &[f64]) -> [f64; 2] {
+        let log_ratios = points.iter().zip(log_density).map(|(point, value)| self.mixture.log_density(point) - value);
+        let mut ratios: Vec<f64> = log_ratios.collect();
+        let top = ratios.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        ratios.iter_mut().for_each(|ratio| *ratio = (*ratio - top).exp());
+        ratios.sort_by(f64::total_cmp);
+        let (n, total) = (ratios.len(), ratios.iter().sum::<f64>());
+        // The ratio with index k in ascending order is the smaller one of 2(n − k) − 1 of the n² pairs.
+        let of_pairs: f64 = ratios.iter().enumerate().map(|(k, ratio)| ratio * (2 * (n - k) - 1) as f64).sum();
+        let hard = ratios.get(n / 20).copied().unwrap_or(0.0);
+        [of_pairs / n as f64 / total, ratios.iter().map(|ratio| ratio.min(hard)).sum::<f64>() / total]
     }
 
     /// Replaces `point` by a draw from the mixture. Returns the mixture's log density at the old point minus that at the draw. `noise` is work space.
@@ -83,6 +117,32 @@ impl Move for Independence {
 mod tests {
     use super::*;
     use crate::optimum::Optimum;
+
+    /// Compares the estimated mean acceptance with jumps that are made. The standard error of 20,000 jumps is 0.0035. The estimate may be 0.06 too large.
+    #[test]
+    fn jumps_are_accepted_as_often_as_estimated() {
+        let mut stream = RandomStream::new(12, 0);
+        let normal = |x: &[f64]| -0.5 * (x[0] * x[0] + x[1] * x[1]);
+        let draws: Vec<Vec<f64>> = (0..20_000).map(|_| vec![stream.normal(), stream.normal()]).collect();
+        let log_density: Vec<f64> = draws.iter().map(|x| normal(x)).collect();
+        let mut modes = Modes::default();
+        modes.add(&Optimum {
+            location: vec![1.0, 0.0],
+            log_density: 0.0,
+            precision: vec![0.5, 0.0, 0.0, 2.0],
+            converged: true,
+        });
+        let q = Independence::from_modes(&modes, 2).unwrap();
+        let is_accepted = |point: &Vec<f64>| {
+            let mut draw = [point[0], point[1]];
+            let factor = q.jump(&mut stream, &mut draw, &mut [0.0; 2]);
+            stream.unit().ln() < normal(&draw) - normal(point) + factor
+        };
+        let made = draws.iter().map(is_accepted).filter(|is_accepted| *is_accepted).count() as f64 / 20_000.0;
+        let [mean, hard] = q.acceptance(&draws, &log_density);
+        assert!((made - 0.02..made + 0.06).contains(&mean), "{made} {mean}");
+        assert!(0.0 < hard && hard < mean);
+    }
 
     /// Checks that, with one component, the code for all walkers at once gives the draws and factors of the code for single walkers. The numbers of
     /// walkers are multiples of the block size and other numbers.
