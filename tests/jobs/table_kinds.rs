@@ -670,8 +670,7 @@ fn the_commanded_quantity_and_its_direction_are_told() {
     let request = InitRequest { file, out: Some(out.clone()), ..InitRequest::default() };
     let (summary, _) = run(&request, &mut |_| None).expect("a stretch");
     let reasons = summary.reasons.join("\n");
-    assert!(reasons.contains("both change all the time, and the strain is taken for the commanded"), "{reasons}");
-    assert!(!reasons.contains("holds"), "{reasons}");
+    assert!(reasons.contains("the strain holds at no value for long, but is taken for the commanded"), "{reasons}");
 
     let twice = TableSettings { columns: [None, Some("2".into()), Some("2".into()), None], ..TableSettings::default() };
     assert!(refused(&plain(), twice).contains("given for two quantities"));
@@ -1337,4 +1336,109 @@ fn chosen_tables_of_stress_and_strain_are_joined() {
     let (_, experiment, _) = read(&text, given("1,2")).expect("a creep");
     assert_eq!(experiment.record.position_m.iter().flatten().count(), 60);
     assert_eq!(read(&text, given("3")).expect("a creep").1.record.position_m.iter().flatten().count(), 30);
+}
+
+/// A table of a relaxation of time (s) and two quantities, written by `line` from time, strain and stress (Pa).
+fn relaxed(header: &str, line: impl Fn(f64, f64, f64) -> String) -> String {
+    let row = |row: usize| {
+        let t = 0.5 * row as f64;
+        line(t, 0.02 * (t / 2.0).min(1.0), 6.0 * (t / 2.0).min(1.0) * (0.6 + 0.4 * (-(t - 2.0).max(0.0) / 9.0).exp()))
+            + "\n"
+    };
+    header.to_string() + "\n" + &(0..120).map(row).collect::<String>()
+}
+
+/// Runs `init` on a table, and returns the summary with the text of `experiment.toml`, or the refusal.
+fn written(text: &str, request: InitRequest) -> Result<(InitSummary, String), String> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+    std::fs::write(&file, text).expect("room on the disk");
+    let request = InitRequest { file, out: Some(out.clone()), ..request };
+    let (summary, _) = run(&request, &mut |_| None).map_err(|error| error.to_string())?;
+    Ok((summary, std::fs::read_to_string(out.join("experiment.toml")).expect("a description")))
+}
+
+#[test]
+fn a_modulus_over_time_is_one_of_a_relaxation_only_if_something_says_so() {
+    let table =
+        |name: &str| relaxed(&format!("Time (s),{name}"), |t, _, stress| format!("{t},{}", 50.0 * stress + 1.0));
+    let kind = |name: &str| written(&table(name), InitRequest::default());
+    for name in ["Relaxation modulus (Pa)", "G(t) (Pa)", "E(t) [kPa]"] {
+        assert!(kind(name).expect(name).1.contains("kind = \"relaxation\""), "{name}");
+    }
+    for name in ["Elastic modulus (Pa)", "Compressive modulus (kPa)"] {
+        assert!(kind(name).expect_err(name).contains("sets, ages or dissolves"), "{name}");
+        let told = InitRequest { control: Some(Control::Position), ..InitRequest::default() };
+        assert!(written(&table(name), told).expect(name).1.contains("kind = \"relaxation\""), "{name}");
+    }
+    let swept = format!("Time sweep at 1 Hz and 1 % of strain\n{}", table("G(t) (Pa)"));
+    assert!(written(&swept, InitRequest::default()).expect_err("a sweep").contains("sets, ages or dissolves"));
+    for name in ["Indentation relaxation modulus (Pa)", "Relaxation modulus E* (Pa)"] {
+        assert!(kind(name).expect_err(name).contains("E/(1 − ν²)"), "{name}");
+    }
+    let ratios = ["Relative relaxation modulus", "Reduced relaxation modulus", "G(t)/max", "Scaled relaxation modulus"];
+    for name in ratios.into_iter().chain(["G(t)/G0", "Dimensionless relaxation modulus"]) {
+        assert!(kind(name).expect_err(name).contains("relative to a value"), "{name}");
+    }
+    assert!(kind("10^-2 G(t) (Pa)").expect_err("a multiple").contains("holds multiples"));
+    // The slash of a unit divides by no modulus.
+    let compliance = relaxed("Time (s),Creep compliance [1/GPa]", |t, _, stress| format!("{t},{}", 9.0 - stress));
+    written(&compliance, InitRequest::default()).expect("a compliance in 1/GPa");
+}
+
+#[test]
+fn columns_of_one_name_are_chosen_by_their_number() {
+    let text = relaxed("Time (s),Shear stress (Pa),Shear strain (%),Shear strain (%)", |t, strain, stress| {
+        format!("{t},{stress},{},{}", 130.0 * strain, 100.0 * strain)
+    });
+    let refusal = written(&text, InitRequest::default()).expect_err("two strains");
+    assert!(refusal.contains("2 columns are called `Shear strain (%)`: those with the numbers 3, 4"), "{refusal}");
+    let known_columns = TableSettings { columns: [None, None, said("4"), None], ..TableSettings::default() };
+    let (summary, _) = written(&text, InitRequest { known_columns, ..InitRequest::default() }).expect("the second");
+    assert!(summary.columns.iter().any(|column| column.name.contains('4')), "{:?}", summary.columns);
+}
+
+#[test]
+fn an_extension_that_is_not_the_strain_is_chosen() {
+    let table = |compliant: f64| {
+        let header = "Gauge length: 50 mm\nCross-section: 20 mm^2\nTime (s),Load (N),Extension (mm),Strain 1 (%)";
+        relaxed(header, |t, strain, stress| format!("{t},{stress},{},{}", 50.0 * compliant * strain, 100.0 * strain))
+    };
+    written(&table(1.0), InitRequest::default()).expect("both are equal");
+    let refusal = written(&table(1.25), InitRequest::default()).expect_err("another extension");
+    assert!(refusal.contains("changes by 1.25 mm") && refusal.contains("by 1.00 mm"), "{refusal}");
+    for (name, strain) in [("Strain 1 (%)", "2 %"), ("Extension", "2.5 %")] {
+        let known_columns = TableSettings { columns: [None, None, said(name), None], ..TableSettings::default() };
+        let request = InitRequest { known_columns, ..InitRequest::default() };
+        let summary = written(&table(1.25), request).expect(name).0;
+        let shown = format!("{:?}", summary.columns);
+        assert!(shown.contains(strain.trim_end_matches(" %")), "{name}: {shown}");
+    }
+}
+
+/// A commanded force of a tip jumps, and a limit of a drive is no force.
+#[test]
+fn a_commanded_force_of_a_tip_holds() {
+    let creep = |t: f64| 900.0 * (1.0 - 0.5 * (-t / 3.0).exp());
+    let tip = |noise_un: f64| {
+        let line = |row: usize| {
+            let t = 0.1 * row as f64;
+            let (load, depth) = if row == 0 { (0.0, 0.0) } else { (0.02 + noise_un * noise(row), creep(t)) };
+            format!("{t:.1},{load},{depth:.1}\n")
+        };
+        "Tip radius: 50 um\nTime (s),Load (uN),Indentation (nm)\n".to_string() + &(0..200).map(line).collect::<String>()
+    };
+    let is_linear =
+        |text: &str| written(text, InitRequest::default()).expect("a tip").1.contains("\nforce = \"linear\"");
+    assert!(!is_linear(&tip(0.0)));
+    let ramp = tip(0.0).replace("0.0,0,0.0", "0.0,0.0,0.0").replacen("0.1,0.02,", "0.1,0.010,", 1).replacen(
+        "0.2,0.02,",
+        "0.2,0.0195,",
+        1,
+    );
+    assert!(is_linear(&ramp));
+    let drive =
+        rows(|row, [t, f, x]| format!("{t:.2},9.2,{},{x:.1}", if f > 0.0 { 50 } else { 0 } + usize::from(row > 900)));
+    let refusal = written(&format!("time (s),Max force (uN),Output (%),x (um)\n{drive}"), InitRequest::default());
+    assert!(refusal.expect_err("no force").contains("no column name suggests a force"));
 }

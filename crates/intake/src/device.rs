@@ -79,7 +79,7 @@ pub(super) enum Device {
 /// Size with its origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Size {
-    value: f64,
+    pub value: f64,
     /// Line of the table that states it; `None` if the user has given it.
     line: Option<usize>,
 }
@@ -151,6 +151,12 @@ impl PromptedSize {
     }
 }
 
+/// Length in m of a specimen between grips or plates, as the user gives it or as a line above the table states it.
+pub(super) fn specimen_length_m(request: &InitRequest, preamble: Preamble<'_>) -> Option<Size> {
+    let given = request.specimen[0].map(|length_mm| Size::given(1e-3 * length_mm));
+    given.or_else(|| preamble.length_m(&LENGTH).map(Size::from))
+}
+
 impl Device {
     /// Device of a record of force and position: as the user says by a size, as the lines above the table state a size, or as the names of columns suggest; otherwise a bead.
     /// The sizes of a specimen turn the proposal into one of stress and strain. The reason is added to the proposal.
@@ -217,12 +223,9 @@ impl Device {
         because: Option<String>,
         ask: Ask<'_>,
     ) -> Self {
-        let [length_mm, area_mm2] = request.specimen;
-        let length_m = length_mm
-            .map(|length_mm| Size::given(1e-3 * length_mm))
-            .or_else(|| preamble.length_m(&LENGTH).map(Size::from))
-            .or_else(|| Some(Size::given(1e-3 * SPECIMEN_LENGTH.ask(ask)?)));
-        let area_m2 = area_mm2
+        let length_m =
+            specimen_length_m(request, preamble).or_else(|| Some(Size::given(1e-3 * SPECIMEN_LENGTH.ask(ask)?)));
+        let area_m2 = request.specimen[1]
             .map(|area_mm2| Size::given(1e-6 * area_mm2))
             .or_else(|| cross_section_m2(preamble))
             .or_else(|| Some(Size::given(1e-6 * SPECIMEN_AREA.ask(ask)?)));

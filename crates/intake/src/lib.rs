@@ -13,13 +13,14 @@ mod stress;
 mod sweep;
 mod toml;
 
-use self::device::Device;
+use self::device::{Device, specimen_length_m};
 use self::force_log::ForceLog;
 use self::preamble::Preamble;
 use self::refusals::{
     refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow,
-    refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_ratio, refuse_relaxation_of_tip,
-    refuse_several_columns, refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
+    refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_other_extension,
+    refuse_other_modulus, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency,
+    refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
@@ -30,6 +31,7 @@ use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, write_together};
 use base::sha256::sha256_hex;
+use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
 use record::table::{
     Ask, ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings, choose_table,
@@ -113,15 +115,28 @@ fn one(
         refuse_without_moduli(place, &request.known_columns, looked)?;
         refuse_flow_curve(place, &request.known_columns, looked)?;
     }
-    let strain_of_specimen = match &looked {
-        Some(looked) if creep.is_none() => strain_of_specimen(&request, looked),
+    let strain = match &looked {
+        Some(looked) if creep.is_none() => {
+            let length_m = specimen_length_m(&request, Preamble(&looked.preamble));
+            length_m.and_then(|length_m| strain_of_specimen(&request, looked, 1e3 * length_m.value))
+        }
         _ => None,
     };
-    let given = creep.as_ref().map(|creep| &creep.given).or(strain_of_specimen.as_ref());
+    // A strain beside a position is read if the user names it.
+    let has_length =
+        |looked: &InspectedTable| looked.units.iter().flatten().any(|unit| unit.dimension == Dimension::Length);
+    let is_beside = request.known_columns.columns[2].is_none() && looked.as_ref().is_some_and(has_length);
+    let read = strain.as_ref().filter(|_| !is_beside);
+    let given = creep.as_ref().map(|creep| &creep.given).or(read);
     let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
-    if strain_of_specimen.is_some() {
+    if read.is_some() {
         proposal.reasons.retain(|reason| !reason.contains("although the table says"));
         proposal.reasons.push("the position is the strain times the length of the specimen".into());
+    } else if let Some(strain) = &strain {
+        // An error would be one of questions that are already answered for the extension.
+        if let Ok(strain) = propose(place, bytes, strain, &mut |_| None) {
+            refuse_other_extension(place, &proposal, &strain)?;
+        }
     }
     proposal.load_began_s = request.load_began_s(&proposal)?.or(proposal.load_began_s);
     refuse_changed_numbers(place, &request.known_columns, &proposal)?;
@@ -136,6 +151,9 @@ fn one(
             }
             if creep.constant.is_none() {
                 refuse_flow(place, &proposal)?;
+            }
+            if let Some(looked) = &looked {
+                refuse_other_modulus(place, &creep, looked, request.control.is_some())?;
             }
             if request.specimen.iter().all(Option::is_none) || creep.compliance != 1.0 {
                 proposal.reasons.extend(unused_sizes_remark(&request));
@@ -227,21 +245,21 @@ fn one(
     proposal.reasons.extend(start.reason.map(String::from));
     let creep = device.stress_strain();
     let mut toml = experiment_toml(&request, source, &proposal, &device, control, &start);
+    let is_unheld = match control {
+        Control::Force => !proposal.force_holds,
+        Control::Position => !proposal.position_holds,
+    };
     match (creep, control) {
-        (Some(creep), _) => proposal.reasons.push(creep.reason(control, proposal.nothing_holds)),
+        (Some(creep), _) => proposal.reasons.push(creep.reason(control, is_unheld)),
         (None, Control::Position) => {
-            let seen = if proposal.nothing_holds {
-                "the position moves"
-            } else {
-                "the position holds or moves at a constant rate"
-            };
+            let seen = if is_unheld { "the position moves" } else { "the position holds or moves at a constant rate" };
             proposal.reasons.push(format!(
                 "{seen} and the force follows: a relaxation, whose position is commanded and whose force is measured"
             ));
         }
-        (None, Control::Force) if proposal.nothing_holds && proposal.description.force.is_some() => {
+        (None, Control::Force) if is_unheld && proposal.description.force.is_some() => {
             proposal.reasons.push(
-                "force and position both change all the time, and the force is taken for the commanded quantity; if the position is commanded, use kind = \"relaxation\"".into(),
+                "the force holds at no value for long, but is taken for the commanded quantity; if the position is commanded, use kind = \"relaxation\"".into(),
             );
         }
         (None, Control::Force) => {}

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::device::has_position;
-use super::stress::{ROTATION, STRAIN, StressStrain, called, is_ratio, is_told};
+use super::stress::{ROTATION, STRAIN, StressStrain, called, is_of_relaxation, is_ratio, is_reduced_modulus, is_told};
 use super::sweep::{VISCOSITY, refuse_other_than_moduli};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
@@ -11,7 +11,7 @@ use figures::number::format_significant;
 use record::table::{
     ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings, cells, decode_detected,
 };
-use record::{SweepColumn, columns_of, moduli_columns};
+use record::{Control, SweepColumn, columns_of, moduli_columns};
 
 /// Beginnings of the names of columns that hold logarithms.
 const LOGARITHMS: [&str; 4] = ["log10", "ln", "lg", "log"];
@@ -21,6 +21,8 @@ const TIMES: [char; 4] = ['x', '×', '*', '·'];
 const LARGEST_STRAIN: f64 = 100.0;
 /// Largest relative difference of two columns of the same frequencies in different units.
 const SAME_FREQUENCIES: f64 = 0.01;
+/// Largest relative difference of an extension and of the strain beside it times the length of the specimen.
+const SAME_EXTENSION: f64 = 0.05;
 
 /// Refuses a record whose force is 0 in every row, or whose body does not move.
 pub(super) fn refuse_without_motion(
@@ -103,9 +105,16 @@ fn is_logarithm(name: &str) -> bool {
         && !(name.starts_with("ln") && called(&name, &STRAIN, &[]))
 }
 
-/// True if a name holds a product with a number, as in `Stress x10 (Pa)`, `10 x Stress` or `Strain*1000`. `x1` and `x 2` are coordinates.
+/// True if a name holds a product with a number, as in `Stress x10 (Pa)`, `10 x Stress`, `10^-3 Stress` or `Strain*1000`. `x1` and `x 2` are coordinates.
 fn is_multiple(name: &str) -> bool {
     let name = name.to_lowercase();
+    if name
+        .trim_start()
+        .strip_prefix("10")
+        .is_some_and(|power| power.starts_with(['^', '⁻', '⁺', '²', '³', '⁴', '⁵', '⁶', '⁹']))
+    {
+        return true;
+    }
     let number_before = |text: &str| text.trim().parse::<f64>().is_ok_and(|number| number != 1.0);
     let number_behind = |text: &str, is_letter: bool| {
         let digits: String =
@@ -314,6 +323,68 @@ pub(super) fn refuse_without_frequency(place: &Path, given: &TableSettings, look
         format!(
             "name it with `{}`, and give its unit in its name, as in `frequency [rad/s]`; moduli over time, strain or temperature are not read",
             Setting::FrequencyColumn
+        ),
+    ))
+}
+
+/// Refuses a modulus over time that may be no relaxation modulus, unless the user says that it is one: `is_told` is true then.
+pub(super) fn refuse_other_modulus(
+    place: &Path,
+    creep: &StressStrain,
+    looked: &InspectedTable,
+    is_told: bool,
+) -> Result<()> {
+    let at = creep.given.columns[1].as_ref().and_then(|number| number.parse::<usize>().ok());
+    let Some(name) = at.and_then(|number| looked.columns.get(number - 1)) else { return Ok(()) };
+    if creep.constant != Some(Control::Position) {
+        return Ok(());
+    }
+    if is_reduced_modulus(name) {
+        return Err(Error::input(
+            InputPlace::file(place).at_key(name.as_str()),
+            "by its name this is the modulus of an indentation, E/(1 − ν²)",
+            "multiply it by 1 − ν² with Poisson's ratio ν of the gel, and name it `E(t) [Pa]`",
+        ));
+    }
+    if is_told || is_of_relaxation(looked) {
+        return Ok(());
+    }
+    Err(Error::input(
+        InputPlace::file(place).at_key(name.as_str()),
+        "a modulus over time can be that of a relaxation after a step of strain, or the stiffness of a gel that sets, ages or dissolves",
+        format!("if it is a relaxation, give `{} relaxation`; the program has no model of the other", Setting::Kind),
+    ))
+}
+
+/// Refuses an extension that is not the strain beside it times the length of the specimen, as that of a crosshead beside an extensometer.
+pub(super) fn refuse_other_extension(place: &Path, extension: &TableProposal, strain: &TableProposal) -> Result<()> {
+    let [of_extension, of_strain] =
+        [extension, strain].map(|proposal| 1e3 * (proposal.position_m[1] - proposal.position_m[0]));
+    let range = of_extension.max(of_strain);
+    if (of_extension - of_strain).abs() <= SAME_EXTENSION * range {
+        return Ok(());
+    }
+    let name = |proposal: &TableProposal| {
+        let column = proposal.description.position.iter().flat_map(|(columns, _)| columns.all()).next().cloned();
+        match column {
+            Some(ColumnName::Named(name)) => name,
+            Some(ColumnName::Number(number)) => {
+                proposal.columns.get(number - 1).cloned().unwrap_or_else(|| number.to_string())
+            }
+            None => String::new(),
+        }
+    };
+    let [first, second] = [extension, strain].map(name);
+    Err(Error::input(
+        InputPlace::file(place).at_key(first.as_str()),
+        format!(
+            "`{first}` changes by {} mm, but `{second}` times the length of the specimen by {} mm: the machine and the grips may give way, or the length is another one",
+            format_significant(of_extension, 3),
+            format_significant(of_strain, 3)
+        ),
+        format!(
+            "choose the one that is measured on the specimen: `{0} \"{second}\"` or `{0} \"{first}\"`",
+            Setting::PositionColumn
         ),
     ))
 }

@@ -37,6 +37,9 @@ const MEASURED: [&str; 12] = [
     "weg",
     "torque",
 ];
+/// Words of quantities that are divided by a value.
+const RELATIVE: [&str; 9] =
+    ["normalis", "normaliz", "normiert", "relativ", "dimensionless", "fraction of", "scaled", "归一化", "無次元"];
 /// Words that exclude a column of moduli over frequency.
 const OF_FREQUENCY: [&str; 5] = ["storage", "loss", "complex", "'", "tan"];
 /// Words that exclude a column: a column of rates is neither stress nor strain.
@@ -250,8 +253,22 @@ fn only_one<T: Copy>(looked: &InspectedTable, found: &[(usize, T)], setting: Set
         let quantity = quantity(name(place));
         !STRESS.iter().chain(&STRAIN).any(|word| quantity == *word)
     });
-    if left.iter().all(|(place, _)| quantity(name(*place)) == quantity(name(left[0].0))) {
+    let is_twice = left[1..].iter().any(|(place, _)| name(*place) == name(left[0].0));
+    if !is_twice && left.iter().all(|(place, _)| quantity(name(*place)) == quantity(name(left[0].0))) {
         return Ok(left[0]);
+    }
+    if is_twice {
+        let numbers: Vec<String> = left.iter().map(|(place, _)| (place + 1).to_string()).collect();
+        return Err(Error::input(
+            InputPlace::setting(setting),
+            format!(
+                "{} columns are called `{}`: those with the numbers {}",
+                left.len(),
+                name(left[0].0),
+                numbers.join(", ")
+            ),
+            format!("give the number of the right one: `{setting} {}`", numbers[0]),
+        ));
     }
     let names: Vec<String> = left.iter().map(|(place, _)| format!("`{}`", name(*place))).collect();
     Err(Error::input(
@@ -288,8 +305,36 @@ fn is_of_young(name: &str) -> bool {
 pub(super) fn is_ratio(name: &str) -> bool {
     let stem = quantity(name);
     let over = stem.split_once('/').map(|(_, over)| over.trim());
-    ["normalis", "normaliz", "normiert"].iter().any(|word| stem.contains(word))
-        || over.is_some_and(|over| over.starts_with(['g', 'e', 'j', 'd']))
+    RELATIVE.iter().any(|word| stem.contains(word))
+        || stem.contains("reduced") && stated_pressure(name).is_none()
+        || over.is_some_and(|over| {
+            !over.starts_with("gpa")
+                && (over.starts_with(['g', 'e', 'j', 'd']) || over.starts_with("max") || over.starts_with("init"))
+        })
+}
+
+/// Unit of a stress or a modulus that a name states.
+fn stated_pressure(name: &str) -> Option<ParsedUnit> {
+    split_unit(name).1.filter(|unit| unit.dimension == Dimension::Pressure)
+}
+
+/// True if a name is that of the modulus of an indentation, which contains Poisson's ratio of the gel.
+pub(super) fn is_reduced_modulus(name: &str) -> bool {
+    let is_symbol =
+        name.split(|c: char| c.is_whitespace() || "([,;".contains(c)).any(|word| ["E*", "Er", "E_r"].contains(&word));
+    called(name, &["modul"], &["complex"])
+        && (called(name, &["reduced", "plane strain", "indentation"], &[]) || is_symbol)
+}
+
+/// True if a table of a modulus over time says that it is one of a relaxation, by a word or by a symbol such as `G(t)`. Stiffness over the time of a gelation, of ageing or of a
+/// sweep looks alike.
+pub(super) fn is_of_relaxation(looked: &InspectedTable) -> bool {
+    let has = |words: &[&str]| looked.preamble.iter().any(|(_, line)| called(line, words, &[]));
+    let is_symbol = |name: &String| {
+        let symbol = symbol(name);
+        ["g", "e", "g_relax", "e_relax"].contains(&symbol.as_str()) || called(name, &["g(t)", "e(t)"], &[])
+    };
+    says_relaxation(looked) || looked.columns.iter().any(is_symbol) && !has(&["time sweep", "oscillat", " hz"])
 }
 
 /// True if a name does not end in a bracket that holds a unit.
@@ -356,14 +401,15 @@ fn refuse_unknown_unit(looked: &InspectedTable, given: &TableSettings) -> Result
     ))
 }
 
-/// Settings for a strain beside a machine's force, for a specimen of known length: the strain is read as a position. `None` if the table has no such column, or a position.
-pub(super) fn strain_of_specimen(request: &InitRequest, looked: &InspectedTable) -> Option<TableSettings> {
-    let length_mm = request.specimen[0]?;
+/// Settings for a strain beside a machine's force, for a specimen of known length: the strain is read as a position. `None` if the table has no such column, or several.
+pub(super) fn strain_of_specimen(
+    request: &InitRequest,
+    looked: &InspectedTable,
+    length_mm: f64,
+) -> Option<TableSettings> {
     let given = &request.known_columns;
     let named = given.columns[2].as_ref();
     let columns = || looked.columns.iter().zip(&looked.units).enumerate();
-    let has_position =
-        columns().any(|(_, (_, unit))| unit.as_ref().is_some_and(|unit| unit.dimension == Dimension::Length));
     let strains = columns().filter_map(|(place, (name, unit))| {
         let part = match (given.units[2].as_deref().map(str::trim), unit) {
             (Some("%"), _) => 1e-2,
@@ -374,7 +420,7 @@ pub(super) fn strain_of_specimen(request: &InitRequest, looked: &InspectedTable)
             (None, None) => stated_part(name).0?,
         };
         let is_named = named.is_some_and(|named| is_told(named, name, place));
-        (is_named || named.is_none() && !has_position && called(name, &STRAIN, &RATE)).then_some((place, part))
+        (is_named || named.is_none() && called(name, &STRAIN, &RATE)).then_some((place, part))
     });
     let found: Vec<(usize, f64)> = strains.collect();
     let [(place, part)] = found[..] else { return None };
@@ -662,14 +708,14 @@ impl StressStrain {
         }
     }
 
-    /// Explains how the table is read, for the quantity that is commanded. `nothing_holds` is true if stress and strain both change all the time.
-    pub fn reason(&self, control: Control, nothing_holds: bool) -> String {
+    /// Explains how the table is read, for the quantity that is commanded. `is_unheld` is true if this quantity holds at no value for long.
+    pub fn reason(&self, control: Control, is_unheld: bool) -> String {
         let what = match (self.constant, control) {
-            (None, Control::Force) if nothing_holds => {
-                "stress and strain both change all the time, and the stress is taken for the commanded quantity (if the strain is commanded, use kind = \"relaxation\")"
+            (None, Control::Force) if is_unheld => {
+                "stress and strain over time; the stress holds at no value for long, but is taken for the commanded quantity (if the strain is commanded, use kind = \"relaxation\")"
             }
-            (None, Control::Position) if nothing_holds => {
-                "stress and strain both change all the time, and the strain is taken for the commanded quantity (if the stress is commanded, use kind = \"creep\")"
+            (None, Control::Position) if is_unheld => {
+                "stress and strain over time; the strain holds at no value for long, but is taken for the commanded quantity (if the stress is commanded, use kind = \"creep\")"
             }
             (None, Control::Force) => "stress and strain over time, and the stress holds: a creep test",
             (None, Control::Position) => {

@@ -146,7 +146,9 @@ pub(super) fn experiment_toml(
         Control::Force if proposal.ramps.is_some() => {
             line("force", quoted("linear"), "between rows, as sampled ramps are; or \"hold\" until the next row");
         }
-        Control::Force if device.is_tip() => line("force", quoted("linear"), "measured at every row"),
+        Control::Force if device.is_tip() && !proposal.force_jumps => {
+            line("force", quoted("linear"), "measured at every row; or \"hold\" until the next row");
+        }
         Control::Force if table.force.is_none() => {}
         Control::Force => line("# force", quoted("hold"), "\"hold\" until the next row, or \"linear\" between rows"),
         Control::Position if proposal.acts_from_row => {

@@ -60,6 +60,16 @@ const SMOOTH: f64 = 1.0;
 /// Largest change of the force in the row of a jump, as a part of that in the next row, if the force answers there.
 const LATE: f64 = 0.2;
 
+/// Largest part of the blocks before the peak of a force that falls while the position stays.
+const EARLY: f64 = 0.5;
+/// Least fall of such a force, as a part of its peak, the largest from block to block, and the least that remains.
+const LEAST_FALL: f64 = 0.1;
+const LARGEST_FALL: f64 = 0.3;
+const LEAST_REST: f64 = 0.1;
+
+/// Number of blocks between the ends of a hold.
+const HOLD_BLOCKS: usize = 3;
+
 /// Largest spread of the rates of a ramp, as a part of the rate.
 const STEADY: f64 = 0.1;
 /// Least part of the blocks in which a ramp moves.
@@ -76,9 +86,19 @@ impl Control {
         match [(&force_n, &position_m), (&position_m, &force_n)].map(|(command, answer)| is_command(command, answer)) {
             [true, false] => Self::Force,
             [false, true] => Self::Position,
+            _ if stays_under_less_force(&force_n, &position_m) => Self::Position,
             _ if is_at_one_rate(&time_s, &position_m, &force_n) => Self::Position,
             _ if is_at_one_rate(&time_s, &force_n, &position_m) => Self::Force,
-            _ => Changes { force: changes(&force_n), position: changes(&position_m) }.control(),
+            // Rows are denser in ramps, or in the first seconds of a step: the one counts blocks of equal duration, the other blocks of equally many rows.
+            _ => {
+                let by_rows = Changes { force: changes(&force_n), position: changes(&position_m) };
+                let of_time = |values: &[f64]| changes_of(&means_in_time(&time_s, values), values);
+                let in_time = Changes { force: of_time(&force_n), position: of_time(&position_m) };
+                match [by_rows, in_time].map(|changes| changes.control()) {
+                    [Self::Force, Self::Force] => Self::Force,
+                    _ => Self::Position,
+                }
+            }
         }
     }
 }
@@ -106,7 +126,7 @@ fn is_command(values: &[f64], answer: &[f64]) -> bool {
 }
 
 /// True if values are constant to the last digit except for a few jumps. Many equal jumps in one direction can be the digits of a coarse sensor.
-fn has_only_jumps(values: &[f64]) -> bool {
+pub(super) fn has_only_jumps(values: &[f64]) -> bool {
     let [low, high] =
         values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
     let changes: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).filter(|change| *change != 0.0).collect();
@@ -196,12 +216,31 @@ fn drifts(changes: &[f64]) -> bool {
     sum.abs() > DRIFT && largest < 0.5 * sum.abs()
 }
 
-/// True if neither quantity holds for most of the time: both change in most blocks of rows.
-pub(super) fn nothing_holds(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
-    let Changes { force, position } = Changes::of(force_n, position_m);
-    [force, position]
-        .iter()
-        .all(|changes| moving(changes).len() as f64 > MOSTLY * changes.len() as f64 && has_trend(changes))
+/// True if the force falls far after its peak, but not to 0, while the position stays: no body with elasticity does this under a commanded force.
+fn stays_under_less_force(force_n: &[f64], position_m: &[f64]) -> bool {
+    let [force, position] = [force_n, position_m].map(means_of_blocks);
+    let sign = if force.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+    let peak = (0..force.len()).max_by(|a, b| (sign * force[*a]).total_cmp(&(sign * force[*b])));
+    let Some(peak) = peak.filter(|peak| *peak as f64 <= EARLY * force.len() as f64) else { return false };
+    let rest = force[force.len() - 1] / force[peak];
+    let [_, after @ ..] = &position[peak..] else { return false };
+    let [low, high] =
+        after.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
+    let is_fall = (LEAST_REST..1.0 - LEAST_FALL).contains(&rest)
+        && force[peak..].windows(2).all(|pair| (pair[1] - pair[0]).abs() < LARGEST_FALL * force[peak].abs());
+    is_fall && high - low < HELD * range_with_zero(position_m)
+}
+
+/// True if values hold near one that is not 0 for a good part of the time in which they are not 0.
+pub(super) fn holds(time_s: &[f64], values: &[f64]) -> bool {
+    let range = range_with_zero(values);
+    let holds_in = |means: Vec<f64>| {
+        let apart = means.windows(HOLD_BLOCKS + 1).map(|hold| [hold[0], hold[HOLD_BLOCKS]].map(|mean| mean / range));
+        let acting: Vec<[f64; 2]> = apart.filter(|ends| ends.iter().any(|end| end.abs() > JUMP)).collect();
+        let is_held = |[a, b]: &&[f64; 2]| (a - b).abs() < 2.0 * HELD;
+        acting.iter().filter(is_held).count() as f64 >= RAMPING * acting.len() as f64
+    };
+    has_only_jumps(values) || holds_in(means_of_blocks(values)) || holds_in(means_in_time(time_s, values))
 }
 
 /// True if a commanded position jumps from row to row, and the force answers only in the row after each jump: the position of a row then acts from that row on.
@@ -269,8 +308,15 @@ fn is_at_one_rate(time_s: &[f64], values: &[f64], others: &[f64]) -> bool {
     spread < STEADY && rate_spread(&other) > 3.0 * spread && (has_trend(&other) || drifts(&other[other.len() / 2..]))
 }
 
-/// Mean rates of a quantity between parts of equal duration, in ranges for each part. Rows may be denser in some of them. Times that do not ascend count as rows.
+/// Mean rates of a quantity between parts of equal duration, in ranges for each part. Rows may be denser in some of them.
 fn rates(time_s: &[f64], values: &[f64]) -> Vec<f64> {
+    let range = range_with_zero(values) * MOST_BLOCKS as f64;
+    let parts = parts_of_time(time_s, values);
+    parts.windows(2).map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]) / range).collect()
+}
+
+/// Mean place in time, from 0 to 1, and mean of the values in each part of equal duration that has rows. Times that do not ascend count as rows.
+fn parts_of_time(time_s: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
     let ascend = time_s.windows(2).all(|pair| pair[0] < pair[1]);
     let (Some(first_s), Some(last_s)) = (time_s.first(), time_s.last()) else { return Vec::new() };
     let place = |row: usize| match ascend {
@@ -282,9 +328,12 @@ fn rates(time_s: &[f64], values: &[f64]) -> Vec<f64> {
     let mean =
         |rows: &[usize], of: &dyn Fn(usize) -> f64| rows.iter().map(|row| of(*row)).sum::<f64>() / rows.len() as f64;
     let parts = rows.chunk_by(|a, b| part(*a) == part(*b));
-    let means: Vec<[f64; 2]> = parts.map(|rows| [mean(rows, &place), mean(rows, &|row| values[row])]).collect();
-    let range = range_with_zero(values) * MOST_BLOCKS as f64;
-    means.windows(2).map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]) / range).collect()
+    parts.map(|rows| [mean(rows, &place), mean(rows, &|row| values[row])]).collect()
+}
+
+/// Means of the values in parts of equal duration that have rows.
+fn means_in_time(time_s: &[f64], values: &[f64]) -> Vec<f64> {
+    parts_of_time(time_s, values).into_iter().map(|[_, mean]| mean).collect()
 }
 
 /// Sizes of the changes in which a quantity moves. One that holds has a few large changes, and is at rest or noise between them.
@@ -318,12 +367,21 @@ fn are_mostly(alike: &[bool]) -> bool {
     alike.iter().filter(|alike| **alike).count() as f64 > TREND * alike.len().max(1) as f64
 }
 
-/// Changes of a quantity from block to block of rows, as parts of its range. The range includes 0, at which every record starts.
+/// Changes of a quantity from block to block of rows, as parts of its range.
 fn changes(values: &[f64]) -> Vec<f64> {
+    changes_of(&means_of_blocks(values), values)
+}
+
+/// Changes between means of a quantity, as parts of its range. The range includes 0, at which every record starts.
+fn changes_of(means: &[f64], values: &[f64]) -> Vec<f64> {
     let range = range_with_zero(values);
-    let mean = |block: &[f64]| block.iter().sum::<f64>() / block.len() as f64;
-    let means: Vec<f64> = values.chunks(values.len().div_ceil(MOST_BLOCKS).max(1)).map(mean).collect();
     means.windows(2).map(|pair| if range > 0.0 { (pair[1] - pair[0]) / range } else { 0.0 }).collect()
+}
+
+/// Means of a quantity in blocks of equally many rows.
+fn means_of_blocks(values: &[f64]) -> Vec<f64> {
+    let mean = |block: &[f64]| block.iter().sum::<f64>() / block.len() as f64;
+    values.chunks(values.len().div_ceil(MOST_BLOCKS).max(1)).map(mean).collect()
 }
 
 /// Range of values and 0, at which every record starts.
@@ -417,9 +475,47 @@ mod tests {
         assert_eq!(control(|_| 1.0, |t| t), Control::Force);
         let rows = |of: &dyn Fn(f64) -> f64| (0..1200).map(|row| of(0.05 * f64::from(row))).collect::<Vec<f64>>();
         let some = |values: Vec<f64>| values.into_iter().map(Some).collect::<Vec<_>>();
-        assert!(nothing_holds(&rows(&force), &some(rows(&triangle))));
-        assert!(!nothing_holds(&rows(&|t: f64| f64::from(u8::from(t % 20.0 < 10.0))), &some(rows(&triangle))));
         assert!(correlation_of_changes(&rows(&force), &some(rows(&|t: f64| -triangle(t)))) < -0.5);
+    }
+
+    /// Rows are dense in ramps, and sparse in the hold between them, so that most rows are of ramps.
+    #[test]
+    fn a_hold_counts_by_its_duration() {
+        let of_ramp = |first: f64| (0..300).map(move |row| first + 0.005 * f64::from(row));
+        let time_s: Vec<f64> =
+            of_ramp(0.0).chain((0..290).map(|row| 1.5 + 0.2 * f64::from(row))).chain(of_ramp(59.5)).collect();
+        let strain = |t: f64| (t / 1.5).min(1.0).min((61.0 - t) / 1.5);
+        let stress = |t: f64| strain(t) * (0.8 + 0.2 * (-(t - 1.5).max(0.0) / 20.0).exp());
+        let likely = |force: &dyn Fn(f64) -> f64, position: &dyn Fn(f64) -> f64| {
+            let positions: Vec<Option<f64>> = time_s.iter().map(|t| Some(position(*t))).collect();
+            Control::likely(&time_s, &time_s.iter().map(|t| force(*t)).collect::<Vec<_>>(), &positions)
+        };
+        assert_eq!(likely(&stress, &strain), Control::Position);
+        let creep = |t: f64| strain(t) * (1.0 - 0.2 * (-(t - 1.5).max(0.0) / 20.0).exp());
+        assert_eq!(likely(&strain, &creep), Control::Force);
+    }
+
+    /// The stress falls at once after the ramp of a measured strain, then it holds: a decay that is no trend.
+    #[test]
+    fn a_stress_that_falls_while_the_strain_stays_is_measured() {
+        let noise = |t: f64| 0.002 * (((1.0 + t) * 12.9898).sin() * 43_758.545_3).fract();
+        let ramp = |t: f64| (t / 5.0).min(1.0);
+        let stress = |t: f64| ramp(t) * (0.7 + 0.3 * (-(t - 5.0).max(0.0) / 1.5).exp()) + 4e-4 * (t - 20.0).max(0.0);
+        assert_eq!(control(|t| stress(t) + noise(t), |t| ramp(t) + noise(9.0 * t)), Control::Position);
+        // A load that exceeds its hold at first draws back an elastic body, and leaves a fluid in motion.
+        assert_eq!(control(|t| stress(t) + noise(t), |t| stress(t) + noise(9.0 * t)), Control::Force);
+        assert_eq!(control(|t| stress(t) + noise(t), |t| t), Control::Force);
+    }
+
+    #[test]
+    fn values_hold_for_a_part_of_their_time() {
+        let time_s: Vec<f64> = (0..1200).map(|row| 0.05 * f64::from(row)).collect();
+        let does = |of: &dyn Fn(f64) -> f64| holds(&time_s, &time_s.iter().map(|t| of(*t)).collect::<Vec<_>>());
+        let triangle = |t: f64| if t < 30.0 { t } else { 60.0 - t };
+        assert!(!does(&triangle) && !does(&|t| t) && !does(&|t| t.sin()));
+        // Contacts of a plate, with nothing between them.
+        assert!(!does(&|t| (triangle(t) - 20.0).max(0.0)));
+        assert!(does(&|t| triangle(t).min(20.0)) && does(&|t| f64::from(u8::from(t % 2.0 < 0.3))));
     }
 
     /// A body that flows at one rate after the ramp of its force, and one whose force has noise.

@@ -16,7 +16,7 @@ use super::spelling::{
 };
 use super::steps::{StepClock, is_of_step};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
-use crate::control::{Control, answers_after_jumps, holds_as_written, is_steadier, nothing_holds, opposes};
+use crate::control::{Control, answers_after_jumps, has_only_jumps, holds, holds_as_written, is_steadier, opposes};
 use crate::force::{has_noisy_levels, ramps_between_holds};
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
 use crate::lost::repeated_outliers;
@@ -68,8 +68,12 @@ pub struct TableProposal {
     pub holds_as_written: bool,
     /// True if the position stays near one value in nearly all rows, while the force varies far more.
     pub is_steadier: bool,
-    /// True if neither force nor position holds for most of the time, so that the commanded quantity is hard to tell.
-    pub nothing_holds: bool,
+    /// True if the force holds near a value other than 0 for a good part of the time; also for noisy levels, and for positions in two or three dimensions.
+    pub force_holds: bool,
+    /// True if the position does so.
+    pub position_holds: bool,
+    /// True if the force is constant to the last digit except for a few jumps.
+    pub force_jumps: bool,
     /// Names of all columns; empty without a header.
     pub columns: Vec<String>,
     /// Reasons for the description, each a sentence for the user.
@@ -353,7 +357,13 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         first_answer,
         description,
         frame,
-        nothing_holds: is_along && nothing_holds(&trajectory.force_n, &trajectory.position_m),
+        force_holds: !is_along || has_noisy_levels || holds(&trajectory.time_s, &trajectory.force_n),
+        force_jumps: has_only_jumps(&trajectory.force_n),
+        position_holds: {
+            let rows = trajectory.time_s.iter().zip(&trajectory.position_m);
+            let (time_s, position_m): (Vec<f64>, Vec<f64>) = rows.filter_map(|(time, x)| Some((*time, (*x)?))).unzip();
+            !is_along || holds(&time_s, &position_m)
+        },
         has_noisy_levels,
         ramps,
         until_row,
@@ -511,10 +521,18 @@ impl DescribedFile<'_> {
             }
             let counts: Vec<&str> = missing.iter().filter_map(|role| Some(counted(called(*role))?.1)).collect();
             let of_counts = counts.first().map_or(String::new(), |what| format!(" if one {what} is that long"));
+            // A stress or a strain in place of force and position has units of its own.
+            let of_stress = ["stress", "strain"].iter().any(|word| {
+                [Role::Force, Role::Position].into_iter().any(|role| called(role).to_lowercase().contains(word))
+            });
+            let options = match of_stress {
+                true => format!("{} kPa {} %", Role::Force.unit_setting(), Role::Position.unit_setting()),
+                false => options.join(" "),
+            };
             return Err(Error::input(
                 InputPlace::setting(first.unit_setting()),
                 format!("{}: the table does not give the unit of {}", file.display(), names.join(" and ")),
-                format!("give the unit, as in `{}`{of_counts}", options.join(" ")),
+                format!("give the unit, as in `{options}`{of_counts}"),
             ));
         }
         let told = |role: Role| said[role as usize].as_deref();

@@ -12,6 +12,10 @@ use base::units::Dimension;
 /// Words in the names of columns of a torque.
 const TORQUE: [&str; 2] = ["torque", "drehmoment"];
 
+/// Words of a force that no body feels at the time: a limit or a range of the drive, or a number of a whole cycle.
+const NO_COURSE: [&str; 11] =
+    ["max", "maximum", "maximal", "min", "minimum", "limit", "rated", "nominal", "amplitude", "fullscale", "range"];
+
 /// Role of a column. The order is that of [`TableSettings::columns`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
@@ -216,6 +220,12 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
         plain if parts.iter().any(|part| plain.contains(part)) => 2,
         _ => 0,
     };
+    let words = stem.to_lowercase().replace("full-scale", "fullscale").replace("full scale", "fullscale");
+    let is_no_course =
+        role == Role::Force && words.split(|c: char| !c.is_alphabetic()).any(|word| NO_COURSE.contains(&word));
+    if is_no_course {
+        return None;
+    }
     let by_unit = match (role.dimension(), unit) {
         (Some(wanted), Some(unit)) if unit.dimension == wanted => 1,
         (_, Some(_)) => return None,
