@@ -61,6 +61,37 @@ fn is_compliance(name: &str) -> bool {
     called(name, &COMPLIANCE, &[]) || has_symbol(name, "J") || bracketed(name).is_some_and(|(_, text)| is_unit(text))
 }
 
+/// True if a bracket at the end of a loss tangent's name holds the sign of a plain number or the angle, as in `tan δ [-]` and `tan(delta)`.
+fn is_plain_tangent(name: &str) -> bool {
+    bracketed(name).is_none_or(|(stem, text)| {
+        let is_angle = stem.trim_end().to_lowercase().ends_with("tan");
+        is_angle || ["", "-", "–", "1"].contains(&text.trim())
+    })
+}
+
+/// Refuses a loss tangent in a unit other than a plain number or percent.
+///
+/// # Errors
+/// [`Error::Input`] for such a column.
+fn refuse_unit_of_tangent(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usize)]) -> Result<()> {
+    let Some((_, column)) = columns.iter().find(|(column, _)| *column == SweepColumn::LossTangent) else {
+        return Ok(());
+    };
+    let name = &looked.columns[*column];
+    let is_ratio = match &looked.units[*column] {
+        Some(unit) => unit.dimension == Dimension::Ratio,
+        None => is_plain_tangent(name),
+    };
+    if is_ratio {
+        return Ok(());
+    }
+    Err(Error::input(
+        InputPlace::file(place).at_key(name.as_str()),
+        "the unit of this loss tangent is not known",
+        "write plain numbers or percent into the table, and name the column `tan δ` or `tan δ (%)`",
+    ))
+}
+
 /// Units of the columns, as the table states them. If it does not state all of them, the error asks the user to write them into the columns' names.
 fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usize)]) -> Result<Vec<ParsedUnit>> {
     let found = |(column, place): &(SweepColumn, usize)| match &looked.units[*place] {
@@ -162,6 +193,7 @@ pub(super) fn describe_sweep(
         .map(|(_, place)| *place)
         .collect();
     refuse_other_than_moduli(&source.place, looked, &moduli, 1)?;
+    refuse_unit_of_tangent(&source.place, looked, columns)?;
     let units = units_of(&source.place, looked, columns)?;
     let mut lines = String::from("# Description of the experiment: an oscillation of a rheometer.\n");
     let mut line = |key: &str, value: String, comment: &str| {
@@ -210,12 +242,14 @@ pub(super) fn describe_sweep(
         quoted("…"),
         "columns of errors, if the table has them: storage_sd and loss_sd, or modulus_sd and phase_sd",
     );
-    let with_units = columns.iter().zip(&units).filter(|((column, _), _)| *column != SweepColumn::LossTangent);
+    // A plain number needs no unit.
+    let with_units = columns.iter().zip(&units).filter(|(_, unit)| **unit != ParsedUnit::one());
     for (index, ((column, _), unit)) in with_units.enumerate() {
         let key = format!("{}{}", if index == 0 { "\n[measurement.units]\n" } else { "" }, column.key());
         let known = match column.dimension() {
             Dimension::Frequency => "Hz or rad/s",
             Dimension::Angle => "deg or rad",
+            Dimension::Ratio => "1 or %",
             _ => "Pa, kPa, MPa or mPa",
         };
         line(&key, quoted(&unit.name), known);
@@ -262,3 +296,7 @@ pub(super) fn describe_sweep(
     };
     Ok((lines, summary))
 }
+
+#[cfg(test)]
+#[path = "sweep_tests.rs"]
+mod tests;

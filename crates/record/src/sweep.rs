@@ -8,8 +8,8 @@ use super::inputs::{
     ExperimentFiles, Interpretation, MeasurementKind, measurement_kind, plain_path, read_table, read_toml,
 };
 use super::table::{
-    ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, TableSettings, Units, cells, column,
-    decode_table, is_blank_or_comment, listed_columns, read_choice, split_unit, told_column,
+    ColumnName, ColumnNames, InspectedTable, ParsedUnit, SWEEP_KEYS, TableLayout, TableSettings, Units, bracketed,
+    cells, column, decode_table, is_blank_or_comment, listed_columns, read_choice, split_unit, told_column,
 };
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::refuse_long_lines;
@@ -30,6 +30,8 @@ const FEWEST_FITTED: usize = 4;
 const FEWEST_TO_HOLD_OUT: usize = 9;
 /// Two frequencies count as equal if their relative difference is below this value.
 const SAME_FREQUENCY: f64 = 1e-6;
+/// Signs in a bracket for the unit of a plain number.
+const PLAIN: [&str; 4] = ["-", "–", "1", ""];
 const FREQUENCIES_HZ: [f64; 2] = [1e-9, 1e9];
 /// Default Poisson ratio, that of a gel, which consists almost entirely of water and keeps its volume.
 const INCOMPRESSIBLE: f64 = 0.5;
@@ -178,7 +180,17 @@ impl SweepColumn {
     /// Returns the quantity of a column from its name in the export of a rheometer's program; `None` for unknown names. Columns of standard
     /// deviations are recognised by their keys alone.
     fn from_name(name: &str, unit: Option<&ParsedUnit>) -> Option<Self> {
-        let stem = split_unit(name).0.to_lowercase();
+        let before_bracket = || {
+            let (stem, text) = bracketed(name)?;
+            Self::from_stem(stem, false).filter(|found| *found == Self::LossTangent && PLAIN.contains(&text.trim()))
+        };
+        let found = Self::from_stem(split_unit(name).0, unit.is_some()).or_else(before_bracket)?;
+        unit.is_none_or(|unit| unit.dimension == found.dimension()).then_some(found)
+    }
+
+    /// Returns the quantity that a name without its unit says; `None` for unknown names.
+    fn from_stem(stem: &str, has_unit: bool) -> Option<Self> {
+        let stem = stem.to_lowercase();
         let plain: String = stem.chars().filter(|c| !c.is_whitespace() && !"_-|*.()".contains(*c)).collect();
         let plain =
             plain.trim_start_matches("tensile").trim_start_matches("flexural").trim_start_matches("compressive");
@@ -218,7 +230,7 @@ impl SweepColumn {
                 .strip_prefix(words)
                 .is_some_and(|rest| rest.is_empty() || rest.chars().count() <= 3 && rest.starts_with(['g', 'e', 'δ']))
         });
-        let found = match plain.as_str() {
+        Some(match plain.as_str() {
             _ if with_symbol.is_some() => with_symbol?.1,
             "f"
             | "freq"
@@ -242,7 +254,7 @@ impl SweepColumn {
             | "频率"
             | "角频率" => Self::Frequency,
             // A letter alone says too little without its unit.
-            "w" if unit.is_some() => Self::Frequency,
+            "w" if has_unit => Self::Frequency,
             "g'" | "g′" | "g`" | "g´" | "storage" | "gstorage" | "estorage" | "gprime" => Self::Storage,
             "g''" | "g″" | "g′′" | "g\"" | "g``" | "g´´" | "loss" | "gloss" | "eloss" | "gdoubleprime" => {
                 Self::Loss
@@ -255,8 +267,7 @@ impl SweepColumn {
             "modulussd" => Self::ModulusSd,
             "phasesd" => Self::PhaseSd,
             _ => return None,
-        };
-        unit.is_none_or(|unit| unit.dimension == found.dimension()).then_some(found)
+        })
     }
 }
 
@@ -578,7 +589,7 @@ impl Columns {
                 }
             };
             let unit = match wanted {
-                SweepColumn::LossTangent => ParsedUnit::one(),
+                SweepColumn::LossTangent => units.of_ratio(wanted.key(), &name)?,
                 _ => units.of(wanted.key(), wanted.dimension(), &name)?,
             };
             let (place, shown) = names.place(&name)?;

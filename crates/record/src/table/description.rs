@@ -434,6 +434,17 @@ impl<'a> Units<'a> {
         self.table.map_or(Ok(None), |table| table.text(key))
     }
 
+    /// Unit of a ratio, which is a plain number unless the description or the column's name states a unit such as `%`.
+    pub fn of_ratio(&self, key: &str, column: &ColumnName) -> Result<ParsedUnit> {
+        let stated = self.text(key)?;
+        let is_named = matches!(column, ColumnName::Named(name) if split_unit(name).1.is_some());
+        match stated.as_deref() {
+            Some("1" | "-") => Ok(ParsedUnit::one()),
+            None if !is_named => Ok(ParsedUnit::one()),
+            _ => self.of(key, Dimension::Ratio, column),
+        }
+    }
+
     pub fn of(&self, key: &str, dimension: Dimension, column: &ColumnName) -> Result<ParsedUnit> {
         let Some((table, text)) = self.table.zip(self.text(key)?) else {
             let by_name = match column {
@@ -464,6 +475,7 @@ impl<'a> Units<'a> {
                 Dimension::Frequency => ", rad/s",
                 Dimension::Pressure => ", kPa, MPa",
                 Dimension::Angle => ", deg",
+                Dimension::Ratio => "1, %",
                 _ => "",
             };
             table.refuse(

@@ -1,0 +1,58 @@
+use crate::InitRequest;
+use crate::run;
+use documents::init::InitSummary;
+use record::OscillationRecord;
+use record::table::TableSettings;
+
+/// Reads a table of an oscillation with the settings of the user. Returns the summary and the record, or the text of the refusal.
+fn tried(text: &str, known_columns: TableSettings) -> Result<(InitSummary, OscillationRecord), String> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("a.csv"), folder.path().join("a"));
+    std::fs::write(&file, text).expect("room on the disk");
+    let request = InitRequest { file, out: Some(out.clone()), known_columns, ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).map_err(|error| error.to_string())?;
+    let (sweep, _) = OscillationRecord::read(&out).map_err(|error| error.to_string())?;
+    Ok((summary, sweep))
+}
+
+/// Text of the refusal of a table.
+fn refusal(text: &str, known_columns: TableSettings) -> String {
+    match tried(text, known_columns) {
+        Ok((summary, _)) => panic!("{text} is read: {:?}", summary.reasons),
+        Err(refused) => refused,
+    }
+}
+
+/// Table of a header and of rows, each written by a function of its number from 1.
+fn table(header: &str, n_rows: u32, row: impl Fn(f64) -> String) -> String {
+    let rows: Vec<String> = (1..=n_rows).map(|number| row(f64::from(number))).collect();
+    format!("{header}\n{}\n", rows.join("\n"))
+}
+
+/// Settings with the two columns of the moduli.
+fn with_moduli(moduli: [&str; 2]) -> TableSettings {
+    TableSettings { moduli: Some(moduli.map(String::from)), ..TableSettings::default() }
+}
+
+#[test]
+fn a_loss_tangent_may_be_in_percent() {
+    let rows = |x: f64| format!("{x},100,20");
+    let plain = |header: &str| table(header, 6, rows);
+    for (header, loss_pa) in [
+        ("Frequency (Hz),G' (Pa),tan δ (%)", 20.0),
+        ("Frequency (Hz),G' (Pa),tan δ in %", 20.0),
+        ("Frequency (Hz),G' (Pa),tan δ [-]", 2000.0),
+        ("Frequency (Hz),G' (Pa),Tan(delta)", 2000.0),
+    ] {
+        let (_, sweep) = tried(&plain(header), TableSettings::default()).expect(header);
+        assert!((sweep.rows[0].pair[1] - loss_pa).abs() < 1e-9, "{header}: {:?}", sweep.rows[0]);
+    }
+    // A unit in a line below the names is written into the description.
+    let below = plain("Frequency,G',tan δ\nHz,Pa,%");
+    assert!((tried(&below, TableSettings::default()).expect("a sweep").1.rows[0].pair[1] - 20.0).abs() < 1e-9);
+    for name in ["tan δ (10^-3)", "tan δ (x100)", "tan δ [arb.]"] {
+        let refused = refusal(&plain(&format!("Frequency (Hz),G' (Pa),{name}")), with_moduli(["2", "3"]));
+        assert!(refused.contains("the unit of this loss tangent is not known") || name.contains("x100"), "{refused}");
+        assert!(refused.contains(name), "{refused}");
+    }
+}
