@@ -115,10 +115,22 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
             }
         })
         .collect();
+    // Text in the bracket of a frequency that is no unit, or one of several.
+    let unclear = columns.iter().find_map(|(column, place)| {
+        let name = &looked.columns[*place];
+        let text = bracketed(name).filter(|_| looked.units[*place].is_none())?.1.trim();
+        (*column == SweepColumn::Frequency && !text.is_empty()).then(|| match PER_SECOND.contains(&text) {
+            true => format!("`{name}` can be in Hz or in rad/s"),
+            false => format!("the unit `{text}` of the frequency `{name}` is not known"),
+        })
+    });
+    let cause = unclear.unwrap_or_else(|| {
+        "the table does not state all units of the oscillation, or states unknown ones".into()
+    });
     columns.iter().map(found).collect::<Option<_>>().ok_or_else(|| {
         Error::input(
             InputPlace::file(place),
-            "the table does not state all units of the oscillation, or states unknown ones",
+            cause,
             format!("give them: {}", missing.into_iter().collect::<Vec<_>>().join("; ")),
         )
     })
@@ -147,10 +159,18 @@ pub(super) fn with_told_units(
             }
             continue;
         };
+        let stated = looked.units[*place].as_ref().filter(|unit| unit.dimension == Dimension::Time);
+        if let Some(stated) = stated.filter(|_| *column == SweepColumn::Frequency) {
+            return Err(Error::input(
+                InputPlace::setting(setting),
+                format!("`{}` is in {}: it holds periods, not frequencies", looked.columns[*place], stated.name),
+                "write the frequencies 1/T of the periods T into the table",
+            ));
+        }
         looked.units[*place] =
             Some(unit(told).filter(|unit| unit.dimension == column.dimension()).ok_or_else(|| {
                 let remedy = match column.dimension() {
-                    Dimension::Frequency => "give `Hz`, `kHz`, `mHz` or `rad/s`",
+                    Dimension::Frequency => "give `Hz`, `kHz`, `mHz`, `rad/s` or `1/min`",
                     _ => "give `Pa`, `kPa`, `MPa` or another unit of pressure",
                 };
                 Error::input(InputPlace::setting(setting), format!("`{told}` is no unit of this quantity"), remedy)

@@ -56,3 +56,28 @@ fn a_loss_tangent_may_be_in_percent() {
         assert!(refused.contains(name), "{refused}");
     }
 }
+
+/// Settings with the unit of the frequency.
+fn with_frequency_in(unit: &str) -> TableSettings {
+    TableSettings { sweep_units: [Some(unit.into()), None], ..TableSettings::default() }
+}
+
+#[test]
+fn frequencies_may_count_cycles_per_minute() {
+    let of_name = |name: &str| table(&format!("{name},G' (Pa),G'' (Pa)"), 6, |x| format!("{},100,20", 60.0 * x));
+    for name in ["Frequency (1/min)", "Frequency (rpm)", "Frequency (cpm)", "Frequency 1/min"] {
+        let (_, sweep) = tried(&of_name(name), TableSettings::default()).expect(name);
+        assert!((sweep.rows[1].frequency_hz - 2.0).abs() < 1e-12, "{name}: {:?}", sweep.rows[1]);
+    }
+    let (_, sweep) = tried(&of_name("Frequency"), with_frequency_in("1/min")).expect("a unit");
+    assert!((sweep.rows[1].frequency_hz - 2.0).abs() < 1e-12);
+    let refused = refusal(&of_name("Frequency (1/s)"), TableSettings::default());
+    assert!(refused.contains("`Frequency (1/s)` can be in Hz or in rad/s"), "{refused}");
+    let (_, sweep) = tried(&of_name("Frequency (1/s)"), with_frequency_in("Hz")).expect("a unit");
+    assert_eq!(sweep.rows[1].frequency_hz, 120.0);
+    let refused = refusal(&of_name("Frequency (1/day)"), TableSettings::default());
+    assert!(refused.contains("the unit `1/day` of the frequency"), "{refused}");
+    let of_period = TableSettings { frequency: Some("1".into()), ..with_frequency_in("Hz") };
+    let refused = refusal(&of_name("Period (s)"), of_period);
+    assert!(refused.contains("it holds periods"), "{refused}");
+}

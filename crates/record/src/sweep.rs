@@ -182,7 +182,12 @@ impl SweepColumn {
     fn from_name(name: &str, unit: Option<&ParsedUnit>) -> Option<Self> {
         let before_bracket = || {
             let (stem, text) = bracketed(name)?;
-            Self::from_stem(stem, false).filter(|found| *found == Self::LossTangent && PLAIN.contains(&text.trim()))
+            // A letter before a bracket says too little.
+            Self::from_stem(stem, false).filter(|found| match found {
+                Self::Frequency => stem.trim().chars().count() > 1,
+                Self::LossTangent => PLAIN.contains(&text.trim()),
+                _ => false,
+            })
         };
         let found = Self::from_stem(split_unit(name).0, unit.is_some()).or_else(before_bracket)?;
         unit.is_none_or(|unit| unit.dimension == found.dimension()).then_some(found)

@@ -472,7 +472,7 @@ impl<'a> Units<'a> {
                 Dimension::Time => {
                     ", min, h, clock or elapsed (hh:mm:ss), hh:mm, iso, day-first or month-first (dates)"
                 }
-                Dimension::Frequency => ", rad/s",
+                Dimension::Frequency => ", rad/s, 1/min",
                 Dimension::Pressure => ", kPa, MPa",
                 Dimension::Angle => ", deg",
                 Dimension::Ratio => "1, %",

@@ -4,11 +4,13 @@ use base::units::{Dimension, UNITS};
 
 /// Cycles in a radian.
 const PER_RADIAN: f64 = 0.5 * std::f64::consts::FRAC_1_PI;
+/// Frequency of one cycle in a minute, in Hz.
+const PER_MINUTE_HZ: f64 = 1.0 / 60.0;
 /// Weight of a gram in standard gravity, in N.
 const GRAM_FORCE_N: f64 = 9.806_65e-3;
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 84] = [
+const SPELLINGS: [(&str, Dimension, f64); 92] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -72,6 +74,14 @@ const SPELLINGS: [(&str, Dimension, f64); 84] = [
     ("rad.s-1", Dimension::Frequency, PER_RADIAN),
     ("rad.s^-1", Dimension::Frequency, PER_RADIAN),
     ("rad·s⁻¹", Dimension::Frequency, PER_RADIAN),
+    ("1/min", Dimension::Frequency, PER_MINUTE_HZ),
+    ("min-1", Dimension::Frequency, PER_MINUTE_HZ),
+    ("min^-1", Dimension::Frequency, PER_MINUTE_HZ),
+    ("min⁻¹", Dimension::Frequency, PER_MINUTE_HZ),
+    ("rpm", Dimension::Frequency, PER_MINUTE_HZ),
+    ("cpm", Dimension::Frequency, PER_MINUTE_HZ),
+    ("cycles/min", Dimension::Frequency, PER_MINUTE_HZ),
+    ("U/min", Dimension::Frequency, PER_MINUTE_HZ),
     ("pa", Dimension::Pressure, 1.0),
     ("kPa", Dimension::Pressure, 1e3),
     ("hPa", Dimension::Pressure, 1e2),
@@ -258,9 +268,17 @@ pub fn is_angular(name: &str) -> bool {
 /// Splits a column name such as `x [µm]`, `x (µm)`, `x/µm`, `x_um`, `x in µm` or `x en µm` into the name without the unit, and the unit, which may be missing.
 pub fn split_unit(name: &str) -> (&str, Option<ParsedUnit>) {
     // The `_` in `rad_s` and the `/` in `rad/s` are part of the unit.
-    for ending in ["_rad_s", "_rad/s", " rad/s"] {
+    let endings = [
+        ("_rad_s", "rad/s"),
+        ("_rad/s", "rad/s"),
+        (" rad/s", "rad/s"),
+        (" in 1/min", "1/min"),
+        (" 1/min", "1/min"),
+        (" cycles/min", "cycles/min"),
+    ];
+    for (ending, text) in endings {
         if let Some(stem) = name.strip_suffix(ending) {
-            return (stem, unit("rad/s"));
+            return (stem, unit(text));
         }
     }
     // Some programs write all names in capitals.
@@ -476,6 +494,9 @@ mod tests {
             ("Inches", "inches", 0.0254),
             ("mHz", "mHz", 1e-3),
             ("MPA", "MPa", 1e6),
+            ("[1/min]", "1/min", 1.0 / 60.0),
+            ("RPM", "rpm", 1.0 / 60.0),
+            ("(cpm)", "cpm", 1.0 / 60.0),
             ("[mmHg]", "mmHg", 133.322_387_415),
             ("(cmH2O)", "cmH2O", 98.0665),
             ("ksi", "ksi", 6_894_757.293_168),
@@ -525,6 +546,10 @@ mod tests {
         for name in ["x [µm]", "x (um)", "x/µm", "x_um", "x in µm", "x µm"] {
             let (stem, unit) = split_unit(name);
             assert_eq!((stem.trim(), unit.map(|unit| unit.name)), ("x", Some("um".into())), "{name}");
+        }
+        for name in ["f (1/min)", "f 1/min", "f in 1/min", "f_rpm", "f [min⁻¹]"] {
+            let (stem, unit) = split_unit(name);
+            assert_eq!((stem.trim(), unit.map(|unit| unit.to_si(60.0))), ("f", Some(1.0)), "{name}");
         }
         assert_eq!(split_unit("J (1/Pa)").1, None);
         assert_eq!(split_unit("DISP(M)").1.map(|unit| unit.name), Some("m".into()));
