@@ -26,7 +26,7 @@ pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
 use self::stress::{StressStrain, says_relaxation, strain_of_specimen};
-use self::sweep::{describe_sweep, with_told_units};
+use self::sweep::{describe_sweep, remarks, with_told_units};
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, write_together};
@@ -426,6 +426,7 @@ fn oscillation(
             return Err(error);
         }
     };
+    summary.reasons.extend(remarks(&sweep));
     Ok(Some(InitSummary {
         directory: out.display().to_string(),
         rows: sweep.rows.len() + sweep.n_incomplete,

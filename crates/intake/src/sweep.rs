@@ -11,8 +11,9 @@ use base::error::{Error, InputPlace, Result, Setting};
 use base::toml_input::quoted;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
+use figures::number::format_significant;
 use record::table::{InspectedTable, ParsedUnit, TableSettings, bracketed, is_angular, unit};
-use record::{OSCILLATION, SweepColumn};
+use record::{OSCILLATION, OscillationRecord, SweepColumn};
 
 /// Ways to write 1/s in a name. An angular frequency in it is one in rad/s.
 const PER_SECOND: [&str; 4] = ["1/s", "s-1", "s^-1", "s⁻¹"];
@@ -196,6 +197,17 @@ fn is_of_tension(name: &str) -> bool {
 /// True if the name of a column of moduli is of shear: it says so, or its symbol is G.
 fn is_of_shear(name: &str) -> bool {
     called(name, &MULTIAXIAL, &[]) || has_symbol(name, "G")
+}
+
+/// Remarks on the rows of an oscillation.
+pub(super) fn remarks(sweep: &OscillationRecord) -> Vec<String> {
+    let [lowest_hz, highest_hz] = sweep.range_hz().map(|hz| format_significant(hz, 2));
+    let beyond = sweep.is_beyond_instruments().then(|| {
+        format!(
+            "the frequencies reach from {lowest_hz} to {highest_hz} Hz, as those of a master curve; of a direct measurement check their unit"
+        )
+    });
+    beyond.into_iter().collect()
 }
 
 /// Makes the text of `experiment.toml` for an oscillation, and the interpretation of the table.

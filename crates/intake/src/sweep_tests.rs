@@ -81,3 +81,15 @@ fn frequencies_may_count_cycles_per_minute() {
     let refused = refusal(&of_name("Period (s)"), of_period);
     assert!(refused.contains("it holds periods"), "{refused}");
 }
+
+/// Words of the summary of a table that is read.
+fn words(text: &str) -> String {
+    tried(text, TableSettings::default()).expect("a sweep").0.reasons.join("\n")
+}
+
+#[test]
+fn frequencies_beyond_instruments_are_named() {
+    let up_to = |factor: f64| table("Frequency (Hz),G' (Pa),G'' (Pa)", 6, |x| format!("{},100,20", factor * x));
+    assert!(words(&up_to(1e11)).contains("of a direct measurement check their unit"));
+    assert!(!words(&up_to(1.0)).contains("check their unit"));
+}

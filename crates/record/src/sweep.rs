@@ -32,7 +32,10 @@ const FEWEST_TO_HOLD_OUT: usize = 9;
 const SAME_FREQUENCY: f64 = 1e-6;
 /// Signs in a bracket for the unit of a plain number.
 const PLAIN: [&str; 4] = ["-", "–", "1", ""];
-const FREQUENCIES_HZ: [f64; 2] = [1e-9, 1e9];
+/// Range of frequencies in Hz. Master curves of time-temperature superposition reach 10⁻¹² and 10¹² Hz; numbers beyond this range are no frequencies.
+const FREQUENCIES_HZ: [f64; 2] = [1e-15, 1e15];
+/// Range of frequencies in Hz that instruments reach, from days of creep to light scattering. Beyond it, a table that is no master curve has a wrong unit.
+const DIRECT_HZ: [f64; 2] = [1e-6, 1e8];
 /// Default Poisson ratio, that of a gel, which consists almost entirely of water and keeps its volume.
 const INCOMPRESSIBLE: f64 = 0.5;
 
@@ -472,6 +475,12 @@ impl OscillationRecord {
         self.rows.iter().all(|row| row.sd.is_some())
     }
 
+    /// True if some frequencies are beyond the reach of instruments, so that the rows are a master curve or have a wrong unit.
+    pub fn is_beyond_instruments(&self) -> bool {
+        let [lowest_hz, highest_hz] = self.range_hz();
+        lowest_hz < DIRECT_HZ[0] || highest_hz > DIRECT_HZ[1]
+    }
+
     /// Lowest and highest frequency of the rows, in Hz.
     pub fn range_hz(&self) -> [f64; 2] {
         let ends = [self.rows.first(), self.rows.last()];
@@ -673,7 +682,8 @@ impl Columns {
                 continue;
             };
             if !(FREQUENCIES_HZ[0]..=FREQUENCIES_HZ[1]).contains(&frequency_hz) {
-                let found = format!("{frequency_hz} Hz is outside a rheometer's range");
+                let [lowest, highest] = FREQUENCIES_HZ;
+                let found = format!("{frequency_hz} Hz is outside the range from {lowest:e} to {highest:e} Hz");
                 return Err(refuse(&self.frequency, found, "correct it, or the column's unit"));
             }
             let sd = sd.flatten().map(<[f64; 2]>::from);

@@ -80,7 +80,7 @@ fn what_is_no_sweep_is_refused_with_its_place() {
         (
             "frequency_hz,storage_pa,loss_pa\n-1,2,3\n",
             "",
-            "line 2, `frequency_hz`: -1 Hz is outside a rheometer's range",
+            "line 2, `frequency_hz`: -1 Hz is outside the range from 1e-15 to 1e15 Hz",
         ),
         (
             "frequency_hz,storage_pa,loss_pa,storage_sd_pa,loss_sd_pa\n1,2,3,0,1\n",
@@ -191,5 +191,21 @@ fn errors_are_known_by_the_names_of_their_keys() {
         let looked = super::super::table::inspect_table("a.csv".as_ref(), text.as_bytes()).unwrap();
         let columns = sweep_columns(&looked, &TableSettings::default()).unwrap().unwrap();
         assert_eq!(columns.len(), n_columns, "{header}");
+    }
+}
+
+/// Shifted frequencies of a master curve are read. Numbers that no shift reaches are refused.
+#[test]
+fn master_curves_reach_beyond_instruments() {
+    let table = |frequencies_hz: [f64; 5]| {
+        let rows: String = frequencies_hz.iter().map(|f| format!("{f:e},100,20\n")).collect();
+        read(&format!("frequency_hz,storage_pa,loss_pa\n{rows}"), "")
+    };
+    let master = table([1e-12, 1e-6, 1.0, 1e6, 1e12]).unwrap();
+    assert_eq!((master.range_hz(), master.is_beyond_instruments()), ([1e-12, 1e12], true));
+    assert!(!table([1e-3, 1e-2, 1.0, 1e2, 1e3]).unwrap().is_beyond_instruments());
+    for outside_hz in [0.0, 1e-16, 1e16] {
+        let error = table([outside_hz, 1e-2, 1.0, 1e2, 1e3]).unwrap_err().to_string();
+        assert!(error.contains("is outside the range"), "{error}");
     }
 }
