@@ -17,8 +17,8 @@ use self::device::{Device, specimen_length_m};
 use self::force_log::ForceLog;
 use self::preamble::Preamble;
 use self::refusals::{
-    refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow,
-    refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_other_extension,
+    has_numbers, refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies,
+    refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_other_extension,
     refuse_other_modulus, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency,
     refuse_without_moduli, refuse_without_motion,
 };
@@ -404,6 +404,14 @@ fn oscillation(
         return Ok(None);
     }
     let Some(columns) = sweep_columns(looked, given)? else { return Ok(None) };
+    let is_told = given.frequency.is_some() || given.moduli.is_some();
+    // Exports hold the columns of all kinds of tests, those of the others with zeros.
+    if !is_told
+        && !columns.first().is_some_and(|(_, frequency)| has_numbers(&source.bytes, looked, *frequency))
+        && StressStrain::of(looked, given, request.sizes[2])?.is_some()
+    {
+        return Ok(None);
+    }
     let looked = &with_told_units(looked, given, &columns)?;
     refuse_changed_columns(&source.place, looked, &columns)?;
     let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;
@@ -429,7 +437,7 @@ fn oscillation(
     summary.reasons.extend(remarks(&sweep));
     Ok(Some(InitSummary {
         directory: out.display().to_string(),
-        rows: sweep.rows.len() + sweep.n_incomplete,
+        rows: sweep.rows.len() + sweep.n_incomplete + sweep.n_zero,
         ..summary
     }))
 }

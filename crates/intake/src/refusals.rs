@@ -172,7 +172,7 @@ pub(super) fn refuse_amplitudes(
 }
 
 /// True if a column holds a number other than 0.
-fn has_numbers(bytes: &[u8], looked: &InspectedTable, place: usize) -> bool {
+pub(super) fn has_numbers(bytes: &[u8], looked: &InspectedTable, place: usize) -> bool {
     !numbers_of(bytes, looked, [place]).is_empty()
 }
 

@@ -125,9 +125,8 @@ fn units_of(place: &Path, looked: &InspectedTable, columns: &[(SweepColumn, usiz
             false => format!("the unit `{text}` of the frequency `{name}` is not known"),
         })
     });
-    let cause = unclear.unwrap_or_else(|| {
-        "the table does not state all units of the oscillation, or states unknown ones".into()
-    });
+    let cause = unclear
+        .unwrap_or_else(|| "the table does not state all units of the oscillation, or states unknown ones".into());
     columns.iter().map(found).collect::<Option<_>>().ok_or_else(|| {
         Error::input(
             InputPlace::file(place),
@@ -207,7 +206,10 @@ pub(super) fn remarks(sweep: &OscillationRecord) -> Vec<String> {
             "the frequencies reach from {lowest_hz} to {highest_hz} Hz, as those of a master curve; of a direct measurement check their unit"
         )
     });
-    beyond.into_iter().collect()
+    let zeros = (sweep.n_zero > 0).then(|| {
+        format!("{} rows are left out, because frequency and moduli are 0: nothing was measured in them", sweep.n_zero)
+    });
+    beyond.into_iter().chain(zeros).collect()
 }
 
 /// Makes the text of `experiment.toml` for an oscillation, and the interpretation of the table.

@@ -93,3 +93,23 @@ fn frequencies_beyond_instruments_are_named() {
     assert!(words(&up_to(1e11)).contains("of a direct measurement check their unit"));
     assert!(!words(&up_to(1.0)).contains("check their unit"));
 }
+
+/// A program may write zeros for the tests that it did not make.
+#[test]
+fn zeros_are_no_oscillation() {
+    let header = "Time (s),Frequency (Hz),G' (Pa),G'' (Pa),Stress (Pa),Strain (%)";
+    let row = |x: f64, frequency_hz: f64| {
+        let modulus = if frequency_hz > 0.0 { 100.0 } else { 0.0 };
+        format!("{x},{frequency_hz},{modulus},{modulus},10,{:.3}", 5.0 + x / (x + 3.0))
+    };
+    let sweep = table(header, 12, |x| row(x, (x - 3.0).max(0.0)));
+    assert!(words(&sweep).contains("3 rows are left out, because frequency and moduli are 0"), "{}", words(&sweep));
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("creep.csv"), folder.path().join("creep"));
+    std::fs::write(&file, table(header, 30, |x| row(x, 0.0))).expect("room on the disk");
+    let request = InitRequest { file, out: Some(out), ..InitRequest::default() };
+    let (summary, _) = run(&request, &mut |_| None).expect("a creep");
+    assert!(summary.reasons.join("\n").contains("a creep test"), "{:?}", summary.reasons);
+    let refused = refusal(&table("Frequency (Hz),G' (Pa),G'' (Pa)", 9, |_| "0,0,0".into()), TableSettings::default());
+    assert!(refused.contains("the frequency is 0 in every row: this is no oscillation"), "{refused}");
+}

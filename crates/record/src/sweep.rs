@@ -110,6 +110,8 @@ pub struct OscillationRecord {
     pub rows: Vec<SweepRow>,
     /// Number of table rows that were skipped because a number is missing.
     pub n_incomplete: usize,
+    /// Number of table rows that were skipped because frequency and moduli are 0: nothing was measured in them.
+    pub n_zero: usize,
     /// Source of the data: synthetic or measured.
     pub source: String,
 }
@@ -422,7 +424,7 @@ impl OscillationRecord {
         let text = decode_table(&csv_path, &csv_bytes, layout.encoding)?;
         refuse_long_lines(&csv_path, text.as_bytes())?;
         let columns = Columns::new(&csv_path, &text, measurement, &layout)?;
-        let (mut rows, n_incomplete) = columns.rows(&csv_path, &text, &layout)?;
+        let (mut rows, [n_incomplete, n_zero]) = columns.rows(&csv_path, &text, &layout)?;
         sort(&mut rows);
         let poisson_ratio = poisson_ratio(root)?;
         if read_choice(measurement, "moduli", &[false, true], |is_young| if is_young { "young" } else { "shear" })?
@@ -453,6 +455,7 @@ impl OscillationRecord {
             form: columns.form,
             rows,
             n_incomplete,
+            n_zero,
             source: measurement.text("source")?.unwrap_or_else(|| "not stated".into()),
         };
         let toml_name =
@@ -647,9 +650,10 @@ impl Columns {
         Err(missing("moduli", "`storage_pa` and `loss_pa`, or `modulus_pa` and `phase_deg`"))
     }
 
-    /// Reads the table's rows. Returns the complete rows, and the number of rows that lack a number.
-    fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, usize)> {
-        let (mut rows, mut n_incomplete) = (Vec::new(), 0);
+    /// Reads the table's rows. Returns the measured rows, the number of rows that lack a number, and the number of rows of zeros, which programs write for the rows of other
+    /// tests.
+    fn rows(&self, file: &Path, text: &str, layout: &TableLayout) -> Result<(Vec<SweepRow>, [usize; 2])> {
+        let (mut rows, mut n_incomplete, mut n_zero, mut first_zero) = (Vec::new(), 0, 0, None);
         let lines = text.lines().enumerate().skip(layout.first_row_line - 1);
         let is_row = |(index, line): &(usize, &str)| {
             layout.table_of(index + 1).is_some() && !is_blank_or_comment(line, layout.comment.as_deref())
@@ -681,6 +685,13 @@ impl Columns {
                 n_incomplete += 1;
                 continue;
             };
+            if frequency_hz == 0.0 {
+                match pair {
+                    (0.0, 0.0) => n_zero += 1,
+                    _ => first_zero = first_zero.or(Some(index + 1)),
+                }
+                continue;
+            }
             if !(FREQUENCIES_HZ[0]..=FREQUENCIES_HZ[1]).contains(&frequency_hz) {
                 let [lowest, highest] = FREQUENCIES_HZ;
                 let found = format!("{frequency_hz} Hz is outside the range from {lowest:e} to {highest:e} Hz");
@@ -698,7 +709,20 @@ impl Columns {
             };
             rows.push(SweepRow { frequency_hz, pair, sd, is_heldout: false });
         }
-        Ok((rows, n_incomplete))
+        let place = || InputPlace::file(file).at_key(self.frequency.1.as_str());
+        match first_zero {
+            _ if rows.is_empty() && (n_zero > 0 || first_zero.is_some()) => Err(Error::input(
+                place(),
+                "the frequency is 0 in every row: this is no oscillation",
+                "give the table of a frequency sweep; of a creep or a relaxation name the columns of time, force and position",
+            )),
+            Some(line) => Err(Error::input(
+                place().at_line(line),
+                "the frequency is 0, and the moduli are not",
+                "correct it, or delete the row if nothing was measured",
+            )),
+            None => Ok((rows, [n_incomplete, n_zero])),
+        }
     }
 }
 

@@ -204,8 +204,24 @@ fn master_curves_reach_beyond_instruments() {
     let master = table([1e-12, 1e-6, 1.0, 1e6, 1e12]).unwrap();
     assert_eq!((master.range_hz(), master.is_beyond_instruments()), ([1e-12, 1e12], true));
     assert!(!table([1e-3, 1e-2, 1.0, 1e2, 1e3]).unwrap().is_beyond_instruments());
-    for outside_hz in [0.0, 1e-16, 1e16] {
+    for outside_hz in [-1.0, 1e-16, 1e16] {
         let error = table([outside_hz, 1e-2, 1.0, 1e2, 1e3]).unwrap_err().to_string();
         assert!(error.contains("is outside the range"), "{error}");
+    }
+}
+
+/// Programs write zeros into the rows of other tests. They are no measurements, unless only the frequency is 0.
+#[test]
+fn rows_of_zeros_are_left_out() {
+    let header = "frequency_hz,storage_pa,loss_pa\n";
+    let sweep = read(&format!("{header}0,0,0\n0,0,0\n{}", &TABLE[header.len()..]), "").unwrap();
+    assert_eq!((sweep.rows.len(), sweep.n_zero, sweep.n_incomplete), (4, 2, 0));
+    for (rows, found) in [
+        ("0,0,0\n0,0,0\n0,0,0\n", "`frequency_hz`: the frequency is 0 in every row: this is no oscillation"),
+        ("0,1,2\n0,1,2\n0,0,0\n", "`frequency_hz`: the frequency is 0 in every row: this is no oscillation"),
+        ("1,1,2\n0,1,2\n2,1,2\n", "line 3, `frequency_hz`: the frequency is 0, and the moduli are not"),
+    ] {
+        let error = read(&format!("{header}{rows}"), "").unwrap_err().to_string();
+        assert!(error.contains(found), "{error}");
     }
 }

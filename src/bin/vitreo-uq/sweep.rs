@@ -148,9 +148,10 @@ fn understood(sweep: &OscillationRecord) -> CheckSummary {
     let sentences = vec![
         format!("{}: an oscillation, {form}, {errors}.", sweep.specimen_id),
         format!(
-            "{} frequencies from {lowest_hz} to {highest_hz} Hz; {} rows without a number are ignored.",
+            "{} frequencies from {lowest_hz} to {highest_hz} Hz; {} rows without a number and {} rows of zeros are ignored.",
             sweep.rows.len(),
-            sweep.n_incomplete
+            sweep.n_incomplete,
+            sweep.n_zero
         ),
         format!("G′ from {low} to {high} Pa, G″ from {lowest} to {highest} Pa."),
         format!("Poisson ratio {}: G = E/{}.", sweep.poisson_ratio, significant(2.0 + 2.0 * sweep.poisson_ratio)),

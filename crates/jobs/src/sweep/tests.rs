@@ -68,6 +68,7 @@ fn sweep(beside: Beside, form: SweepForm, said: Option<f64>, seed: u64) -> Oscil
         form,
         rows: (0..31).map(row).collect(),
         n_incomplete: 0,
+        n_zero: 0,
         source: "synthetic".into(),
     }
 }
