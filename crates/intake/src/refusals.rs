@@ -177,7 +177,11 @@ pub(super) fn has_numbers(bytes: &[u8], looked: &InspectedTable, place: usize) -
 }
 
 /// Numbers of columns with their line, for the rows in which all of them hold a number other than 0.
-fn numbers_of<const N: usize>(bytes: &[u8], looked: &InspectedTable, places: [usize; N]) -> Vec<(usize, [f64; N])> {
+pub(super) fn numbers_of<const N: usize>(
+    bytes: &[u8],
+    looked: &InspectedTable,
+    places: [usize; N],
+) -> Vec<(usize, [f64; N])> {
     let layout = &looked.layout;
     let text = decode_detected(bytes);
     let lines = (1..).zip(text.lines()).filter(|(line, _)| layout.table_of(*line).is_some());

@@ -1,10 +1,12 @@
 //! `init` for a rheometer's oscillation: writes a description of the table.
 
 use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use super::preamble::Preamble;
+use super::refusals::numbers_of;
 use super::source::TableSource;
 use super::stress::{COMPLIANCE, MULTIAXIAL, UNIAXIAL, called};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -198,6 +200,22 @@ fn is_of_shear(name: &str) -> bool {
     called(name, &MULTIAXIAL, &[]) || has_symbol(name, "G")
 }
 
+/// Reason to read the phase with the other sign: it is negative in every row, and at most 90°, or the loss modulus or the loss tangent is. `None` if the signs are those of a passive
+/// gel, or mixed.
+fn opposite_phase(source: &TableSource, looked: &InspectedTable, columns: &[(SweepColumn, usize)]) -> Option<String> {
+    let (kind, place) = *columns.get(2)?;
+    let unit = looked.units[place].clone().unwrap_or_else(ParsedUnit::one);
+    let values = numbers_of(&source.bytes, looked, [place]);
+    let is_negative = |value: f64| value < 0.0 && (kind != SweepColumn::Phase || value >= -FRAC_PI_2);
+    let is_opposite = !values.is_empty() && values.iter().all(|(_, [value])| is_negative(unit.to_si(*value)));
+    is_opposite.then(|| {
+        format!(
+            "`{}` is negative in every row, and no passive gel has such a phase: the phase is read with the other sign, as −δ (phase_sign = \"-\")",
+            looked.columns[place]
+        )
+    })
+}
+
 /// Remarks on the rows of an oscillation.
 pub(super) fn remarks(sweep: &OscillationRecord) -> Vec<String> {
     let [lowest_hz, highest_hz] = sweep.range_hz().map(|hz| format_significant(hz, 2));
@@ -248,6 +266,10 @@ pub(super) fn describe_sweep(
     let key = if is_young { "moduli" } else { "# moduli" };
     line(key, quoted("young"), "for moduli of tension, compression or bending");
     line("# heldout_hz", "[1.0]".into(), "frequencies that are not fitted; default: every third");
+    let opposite = opposite_phase(source, looked, columns);
+    if opposite.is_some() {
+        line("phase_sign", quoted("-"), "the table counts the phase with the other sign");
+    }
     let layout = &looked.layout;
     if !layout.row_lines.is_empty() {
         line("row_lines", format!("{:?}", layout.row_lines), "first and last line of the table");
@@ -321,7 +343,7 @@ pub(super) fn describe_sweep(
         experiments: Vec::new(),
         directory: String::new(),
         file: source.name.clone(),
-        reasons: vec![looked.said.clone(), reason],
+        reasons: [looked.said.clone(), reason].into_iter().chain(opposite).collect(),
         columns: columns.iter().zip(&units).map(shown).collect(),
         others: others.map(named).collect(),
         rows: 0,

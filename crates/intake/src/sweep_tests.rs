@@ -113,3 +113,20 @@ fn zeros_are_no_oscillation() {
     let refused = refusal(&table("Frequency (Hz),G' (Pa),G'' (Pa)", 9, |_| "0,0,0".into()), TableSettings::default());
     assert!(refused.contains("the frequency is 0 in every row: this is no oscillation"), "{refused}");
 }
+
+#[test]
+fn a_phase_of_the_other_sign_is_read_and_named() {
+    let modulus_and_phase =
+        |phase: fn(f64) -> f64| table("Frequency (Hz),|G*| (Pa),Phase angle (°)", 6, |x| format!("{x},100,{}", phase(x)));
+    let (summary, sweep) = tried(&modulus_and_phase(|x| -5.0 * x), TableSettings::default()).expect("a sweep");
+    assert!((sweep.rows[1].pair[1] - 10.0_f64.to_radians()).abs() < 1e-12, "{:?}", sweep.rows[1]);
+    assert!(summary.reasons.join("\n").contains("is read with the other sign"), "{:?}", summary.reasons);
+    let loss = table("Frequency (Hz),G' (Pa),G'' (Pa)", 6, |x| format!("{x},100,{}", -x));
+    assert_eq!(tried(&loss, TableSettings::default()).expect("a sweep").1.rows[1].pair, [100.0, 2.0]);
+    // A few negative phases are noise, and larger ones are no convention.
+    let mixed = modulus_and_phase(|x| if x > 4.0 { -1.0 } else { x });
+    let (summary, sweep) = tried(&mixed, TableSettings::default()).expect("a sweep");
+    assert!(sweep.rows[5].pair[1] < 0.0 && !summary.reasons.join("\n").contains("other sign"));
+    let refused = refusal(&modulus_and_phase(|_| -170.0), TableSettings::default());
+    assert!(refused.contains("the storage modulus is negative in every row"), "{refused}");
+}

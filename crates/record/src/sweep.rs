@@ -415,7 +415,7 @@ impl OscillationRecord {
         let specimen = root.required_table("specimen")?;
         specimen.only(&["id", "species", "region"])?;
         let measurement = root.required_table("measurement")?;
-        measurement.only(&[&["kind", "file", "heldout_hz", "source", "moduli"], SWEEP_KEYS].concat())?;
+        measurement.only(&[&["kind", "file", "heldout_hz", "source", "moduli", "phase_sign"], SWEEP_KEYS].concat())?;
         let csv_name = plain_path(measurement, "sweep.csv")?;
         let csv_path = toml_path.with_file_name(&csv_name);
         let remedy = "put the table where `file` in [measurement] says, beside the TOML";
@@ -425,6 +425,12 @@ impl OscillationRecord {
         refuse_long_lines(&csv_path, text.as_bytes())?;
         let columns = Columns::new(&csv_path, &text, measurement, &layout)?;
         let (mut rows, [n_incomplete, n_zero]) = columns.rows(&csv_path, &text, &layout)?;
+        if read_choice(measurement, "phase_sign", &[false, true], |is_opposite| if is_opposite { "-" } else { "+" })?
+            == Some(true)
+        {
+            rows.iter_mut().for_each(|row| row.pair[1] = -row.pair[1]);
+        }
+        refuse_other_signs(&csv_path, &columns, &rows)?;
         sort(&mut rows);
         let poisson_ratio = poisson_ratio(root)?;
         if read_choice(measurement, "moduli", &[false, true], |is_young| if is_young { "young" } else { "shear" })?
@@ -489,6 +495,25 @@ impl OscillationRecord {
         let ends = [self.rows.first(), self.rows.last()];
         ends.map(|row| row.map_or(1.0, |row| row.frequency_hz))
     }
+}
+
+/// Refuses moduli of which one is negative in every row: the table counts the phase, or the stress or strain, with the other sign.
+fn refuse_other_signs(file: &Path, columns: &Columns, rows: &[SweepRow]) -> Result<()> {
+    let are_negative = |of: &dyn Fn(&SweepRow) -> f64| !rows.is_empty() && rows.iter().all(|row| of(row) < 0.0);
+    let refuse = |found: &str, remedy: &str| {
+        let names = columns.pair.each_ref().map(|(_, name, _)| name.as_str());
+        Err(Error::input(InputPlace::file(file).at_key(names.join("` and `")), found, remedy))
+    };
+    if are_negative(&|row| columns.form.moduli(row.pair)[0]) {
+        let found = "the storage modulus is negative in every row, and a gel at rest has a positive one";
+        return refuse(found, "correct the sign of stress or strain, which shifts the phase by 180°");
+    }
+    if are_negative(&|row| row.pair[1]) {
+        let found = "the phase or the loss modulus is negative in every row, and no passive gel has such a one";
+        let remedy = "write `phase_sign = \"-\"` in [measurement] if the table counts the phase with the other sign; remove the key if it is there";
+        return refuse(found, remedy);
+    }
+    Ok(())
 }
 
 /// True if a row has the frequency of the one before it.

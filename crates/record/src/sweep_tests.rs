@@ -225,3 +225,27 @@ fn rows_of_zeros_are_left_out() {
         assert!(error.contains(found), "{error}");
     }
 }
+
+/// A table may count the phase from the strain to the stress. Its description says so; a few negative rows are noise or inertia.
+#[test]
+fn a_phase_may_have_the_other_sign() {
+    let rows = |signs: [f64; 2]| -> String {
+        (1..=5).map(|k| format!("{k},{},{}\n", signs[0] * 100.0, signs[1] * f64::from(k))).collect()
+    };
+    let moduli = |signs: [f64; 2]| format!("frequency_hz,storage_pa,loss_pa\n{}", rows(signs));
+    let polar = format!("frequency_hz,modulus_pa,phase_deg\n{}", rows([1.0, -10.0]));
+    let opposite = "phase_sign = \"-\"\n";
+    for table in [moduli([1.0, -1.0]), polar] {
+        let sweep = read(&table, opposite).unwrap();
+        assert!(sweep.rows.iter().all(|row| row.pair[1] > 0.0), "{:?}", sweep.rows);
+        let error = read(&table, "").unwrap_err().to_string();
+        assert!(error.contains("is negative in every row") && error.contains("phase_sign"), "{error}");
+    }
+    assert_eq!(read(&moduli([1.0, 1.0]), "phase_sign = \"+\"\n").unwrap().rows[1].pair, [100.0, 2.0]);
+    let error = read(&moduli([1.0, 1.0]), opposite).unwrap_err().to_string();
+    assert!(error.contains("remove the key"), "{error}");
+    let error = read(&moduli([-1.0, 1.0]), "").unwrap_err().to_string();
+    assert!(error.contains("the storage modulus is negative in every row"), "{error}");
+    let some = moduli([1.0, 1.0]).replace("3,100,3", "3,100,-3");
+    assert_eq!(read(&some, "").unwrap().rows[2].pair, [100.0, -3.0]);
+}
