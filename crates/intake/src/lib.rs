@@ -26,7 +26,7 @@ pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
 use self::stress::{StressStrain, says_relaxation, strain_of_specimen};
-use self::sweep::{describe_sweep, remarks, with_told_units};
+use self::sweep::{describe_sweep, refuse_relative_moduli, remarks, with_told_units};
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{self, write_together};
@@ -412,6 +412,8 @@ fn oscillation(
     {
         return Ok(None);
     }
+    let moduli = columns.iter().filter(|(column, _)| column.dimension() == Dimension::Pressure);
+    refuse_relative_moduli(&source.place, looked, given, moduli.map(|(_, place)| *place))?;
     let looked = &with_told_units(looked, given, &columns)?;
     refuse_changed_columns(&source.place, looked, &columns)?;
     let (toml, mut summary) = describe_sweep(source, request.id.as_deref(), request.sizes[2], looked, &columns)?;

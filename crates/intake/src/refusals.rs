@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::device::has_position;
 use super::stress::{ROTATION, STRAIN, StressStrain, called, is_of_relaxation, is_ratio, is_reduced_modulus, is_told};
-use super::sweep::{VISCOSITY, refuse_other_than_moduli};
+use super::sweep::{VISCOSITY, called_moduli, refuse_other_than_moduli, refuse_relative_moduli};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
@@ -423,6 +423,7 @@ pub(super) fn refuse_without_moduli(place: &Path, given: &TableSettings, looked:
     let frequency = columns_of(looked, SweepColumn::Frequency).find(is_sure);
     let Some(frequency) = frequency.filter(|_| !is_record) else { return Ok(()) };
     refuse_other_than_moduli(place, looked, &(0..looked.columns.len()).collect::<Vec<_>>(), 2)?;
+    refuse_relative_moduli(place, looked, given, called_moduli(looked))?;
     Err(Error::input(
         InputPlace::file(place),
         format!(

@@ -14,13 +14,27 @@ use base::toml_input::quoted;
 use base::units::Dimension;
 use documents::init::{InitColumn, InitSummary};
 use figures::number::format_significant;
-use record::table::{InspectedTable, ParsedUnit, TableSettings, bracketed, is_angular, unit};
+use record::table::{InspectedTable, ParsedUnit, TableSettings, bracketed, is_angular, split_unit, unit};
 use record::{OSCILLATION, OscillationRecord, SweepColumn};
 
 /// Ways to write 1/s in a name. An angular frequency in it is one in rad/s.
 const PER_SECOND: [&str; 4] = ["1/s", "s-1", "s^-1", "s⁻¹"];
+/// Signs in a bracket for the unit of a plain number.
+const PLAIN: [&str; 4] = ["", "-", "–", "1"];
+/// Words in the names of moduli that are relative to a value.
+const NORMALISED: [&str; 6] = ["normalis", "normaliz", "normiert", "normé", "relativ", "dimensionless"];
+/// Subscripts of the modulus by which others are divided.
+const OF_REFERENCE: [&str; 9] = ["e", "n", "max", "min", "_max", "_min", "ref", "_ref", "plateau"];
+/// Words and symbols in the names of moduli of an oscillation.
+const OF_OSCILLATION: [&str; 9] = ["modul", "storage", "loss", "g'", "g′", "g″", "g\"", "e'", "e″"];
 /// Words by which a column of viscosities is recognised.
 pub(super) const VISCOSITY: [&str; 5] = ["viscosity", "viskosität", "viscosité", "viscosidad", "viscosità"];
+
+/// Columns that are called moduli of an oscillation, whether or not their names are known.
+pub(super) fn called_moduli(looked: &InspectedTable) -> impl Iterator<Item = usize> {
+    let names = looked.columns.iter().enumerate();
+    names.filter(|(_, name)| called(name, &OF_OSCILLATION, &["tan", "factor", "faktor"])).map(|(place, _)| place)
+}
 
 /// Refuses columns of viscosities or compliances of an oscillation in place of its moduli, by their names and units.
 ///
@@ -64,11 +78,55 @@ fn is_compliance(name: &str) -> bool {
     called(name, &COMPLIANCE, &[]) || has_symbol(name, "J") || bracketed(name).is_some_and(|(_, text)| is_unit(text))
 }
 
+/// Refuses moduli that are relative to a value, by their names and units. The user may give this value as their unit, as in `250 Pa`.
+///
+/// # Errors
+/// [`Error::Input`] for the first such column.
+pub(super) fn refuse_relative_moduli(
+    place: &Path,
+    looked: &InspectedTable,
+    given: &TableSettings,
+    columns: impl IntoIterator<Item = usize>,
+) -> Result<()> {
+    let has_value = given.sweep_units[1].as_deref().is_some_and(|told| told.starts_with(|c: char| c.is_ascii_digit()));
+    let relative =
+        columns.into_iter().find(|column| is_relative(&looked.columns[*column], looked.units[*column].as_ref()));
+    let Some(column) = relative.filter(|_| !has_value) else { return Ok(()) };
+    Err(Error::input(
+        InputPlace::file(place).at_key(looked.columns[column].as_str()),
+        "by its name or unit this column is relative to a value, so that it shows no modulus",
+        format!(
+            "multiply it by that value, and name it as in `G' [Pa]`; or name the columns with `{} COLUMN COLUMN` and give the value as their unit, as in `{} \"250 Pa\"`",
+            Setting::ModuliColumns,
+            Setting::ModuliUnit
+        ),
+    ))
+}
+
+/// True if a modulus is relative to a value: its name says so, its unit is that of a ratio, or it is divided by another modulus, as in `G'/G0`. A reduced modulus in a unit of
+/// pressure is one of a master curve.
+fn is_relative(name: &str, unit: Option<&ParsedUnit>) -> bool {
+    let is_of = |dimension: Dimension| unit.is_some_and(|unit| unit.dimension == dimension);
+    let is_in_bracket = |text: &str| !text.is_empty() && PLAIN.contains(&text);
+    let stem = bracketed(name).filter(|(_, text)| PLAIN.contains(text)).map_or(split_unit(name).0, |(stem, _)| stem);
+    // Modulus behind the slash, as `G'0` or `|G*|_max`, of which the subscript remains.
+    let is_modulus = |over: &str| {
+        let over = over.trim().trim_start_matches(['|', '(']).to_lowercase();
+        let subscript = over.strip_prefix(['g', 'e']).map(|rest| rest.trim_start_matches(['\'', '′', '"', '″', '*', '|']));
+        subscript.is_some_and(|rest| !rest.contains(char::is_alphabetic) || OF_REFERENCE.contains(&rest))
+    };
+    is_of(Dimension::Ratio)
+        || unit.is_none() && bracketed(name).is_some_and(|(_, text)| is_in_bracket(text.trim()))
+        || called(name, &NORMALISED, &[])
+        || called(name, &["reduced", "reduziert"], &[]) && !is_of(Dimension::Pressure)
+        || stem.split_once('/').is_some_and(|(_, over)| is_modulus(over))
+}
+
 /// True if a bracket at the end of a loss tangent's name holds the sign of a plain number or the angle, as in `tan δ [-]` and `tan(delta)`.
 fn is_plain_tangent(name: &str) -> bool {
     bracketed(name).is_none_or(|(stem, text)| {
         let is_angle = stem.trim_end().to_lowercase().ends_with("tan");
-        is_angle || ["", "-", "–", "1"].contains(&text.trim())
+        is_angle || PLAIN.contains(&text.trim())
     })
 }
 

@@ -130,3 +130,28 @@ fn a_phase_of_the_other_sign_is_read_and_named() {
     let refused = refusal(&modulus_and_phase(|_| -170.0), TableSettings::default());
     assert!(refused.contains("the storage modulus is negative in every row"), "{refused}");
 }
+
+#[test]
+fn relative_moduli_are_refused_by_name() {
+    let of_names = |names: &str| table(&format!("Frequency (Hz),{names}"), 6, |x| format!("{x},1,0.2"));
+    for names in [
+        "G'/G0 (-),G''/G0 (-)",
+        "G' (normalised),G'' (normalised)",
+        "Reduced storage modulus,Reduced loss modulus",
+        "Normalized G' (Pa),Normalized G'' (Pa)",
+        "G'/G'_max,G''/G'_max",
+        "G' (%),G'' (%)",
+    ] {
+        for given in [TableSettings::default(), with_moduli(["2", "3"])] {
+            let refused = refusal(&of_names(names), given);
+            assert!(refused.contains("is relative to a value"), "{names}: {refused}");
+        }
+        // The advice of the refusal.
+        let told = TableSettings { sweep_units: [None, Some("250 Pa".into())], ..with_moduli(["2", "3"]) };
+        assert_eq!(tried(&of_names(names), told).expect(names).1.rows[0].pair, [250.0, 50.0], "{names}");
+    }
+    for names in ["G' (Pa),G'' (Pa)", "G'/Pa,G''/Pa", "Reduced storage modulus (Pa),Reduced loss modulus (Pa)"] {
+        let sweep = tried(&of_names(names), with_moduli(["2", "3"])).expect(names).1;
+        assert_eq!(sweep.rows[0].pair, [1.0, 0.2], "{names}");
+    }
+}
