@@ -9,6 +9,7 @@ mod refusals;
 mod request;
 pub mod source;
 mod start;
+mod states;
 mod stress;
 mod sweep;
 mod toml;
@@ -25,6 +26,7 @@ use self::refusals::{
 pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
+use self::states::refuse_labelled_states;
 use self::stress::{StressStrain, says_relaxation, strain_of_specimen};
 use self::sweep::{describe_sweep, refuse_relative_moduli, remarks, with_told_units};
 use self::toml::{AXES, experiment_toml};
@@ -424,6 +426,7 @@ fn oscillation(
     if given.frequency.is_none() {
         refuse_contradictory_frequencies(&source.place, &source.bytes, looked, &columns)?;
     }
+    refuse_labelled_states(&source.place, &source.bytes, looked, &columns)?;
     let is_new = files::kind(out).is_none();
     write(out, (&source.name, &source.bytes), &toml, None)?;
     let sweep = match OscillationRecord::read(out) {

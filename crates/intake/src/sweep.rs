@@ -112,7 +112,8 @@ fn is_relative(name: &str, unit: Option<&ParsedUnit>) -> bool {
     // Modulus behind the slash, as `G'0` or `|G*|_max`, of which the subscript remains.
     let is_modulus = |over: &str| {
         let over = over.trim().trim_start_matches(['|', '(']).to_lowercase();
-        let subscript = over.strip_prefix(['g', 'e']).map(|rest| rest.trim_start_matches(['\'', '′', '"', '″', '*', '|']));
+        let subscript =
+            over.strip_prefix(['g', 'e']).map(|rest| rest.trim_start_matches(['\'', '′', '"', '″', '*', '|']));
         subscript.is_some_and(|rest| !rest.contains(char::is_alphabetic) || OF_REFERENCE.contains(&rest))
     };
     is_of(Dimension::Ratio)

@@ -116,8 +116,9 @@ fn zeros_are_no_oscillation() {
 
 #[test]
 fn a_phase_of_the_other_sign_is_read_and_named() {
-    let modulus_and_phase =
-        |phase: fn(f64) -> f64| table("Frequency (Hz),|G*| (Pa),Phase angle (°)", 6, |x| format!("{x},100,{}", phase(x)));
+    let modulus_and_phase = |phase: fn(f64) -> f64| {
+        table("Frequency (Hz),|G*| (Pa),Phase angle (°)", 6, |x| format!("{x},100,{}", phase(x)))
+    };
     let (summary, sweep) = tried(&modulus_and_phase(|x| -5.0 * x), TableSettings::default()).expect("a sweep");
     assert!((sweep.rows[1].pair[1] - 10.0_f64.to_radians()).abs() < 1e-12, "{:?}", sweep.rows[1]);
     assert!(summary.reasons.join("\n").contains("is read with the other sign"), "{:?}", summary.reasons);

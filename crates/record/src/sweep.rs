@@ -24,6 +24,9 @@ const LIKE_REPEATS: f64 = 1.3;
 const FEWEST_DIFFERENCES: usize = 5;
 const ALIKE: f64 = 0.1;
 const APART: f64 = 3.0;
+/// Smallest number of rows of a sweep that is compared with another one, and largest ratio of the frequencies between which its moduli are interpolated.
+const FEWEST_OF_SWEEP: usize = 4;
+const WIDEST_GAP: f64 = 3.0;
 /// Smallest number of rows that are not held out.
 const FEWEST_FITTED: usize = 4;
 /// Smallest number of frequencies at which rows are held out by default.
@@ -431,6 +434,7 @@ impl OscillationRecord {
             rows.iter_mut().for_each(|row| row.pair[1] = -row.pair[1]);
         }
         refuse_other_signs(&csv_path, &columns, &rows)?;
+        refuse_several_sweeps(&csv_path, columns.form, &rows)?;
         sort(&mut rows);
         let poisson_ratio = poisson_ratio(root)?;
         if read_choice(measurement, "moduli", &[false, true], |is_young| if is_young { "young" } else { "shear" })?
@@ -576,6 +580,75 @@ fn refuse_several_states(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Res
             ),
             "give a table with the rows of one sweep",
         ));
+    }
+    Ok(())
+}
+
+/// Sweeps of rows in the order of the table: rows whose frequencies ascend or descend all along.
+fn sweeps(rows: &[SweepRow]) -> Vec<&[SweepRow]> {
+    let (mut parts, mut first, mut direction) = (Vec::new(), 0, 0.0);
+    for (place, pair) in (1..).zip(rows.windows(2)) {
+        let step = (pair[1].frequency_hz / pair[0].frequency_hz).ln();
+        if step.abs() <= ONE_FREQUENCY {
+            continue;
+        }
+        if step * direction < 0.0 {
+            parts.push(&rows[first..place]);
+            (first, direction) = (place, 0.0);
+        } else {
+            direction = step.signum();
+        }
+    }
+    parts.push(&rows[first..]);
+    parts.retain(|part| part.len() >= FEWEST_OF_SWEEP);
+    parts
+}
+
+/// Differences of the logarithms of |G*| between the rows of a sweep and another sweep, which is interpolated between neighbouring frequencies.
+fn differences_between(form: SweepForm, sweep: &[SweepRow], other: &[SweepRow]) -> Vec<f64> {
+    let log_point = |row: &SweepRow| {
+        let modulus_pa = form.moduli(row.pair).into_iter().fold(0.0, f64::hypot);
+        [row.frequency_hz.ln(), modulus_pa.ln()]
+    };
+    let mut points: Vec<[f64; 2]> = other.iter().map(log_point).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let difference = |row: &SweepRow| {
+        let [x, y] = log_point(row);
+        let above = points.partition_point(|[at, _]| *at < x);
+        let (lower, upper) = (points.get(above.checked_sub(1)?)?, points.get(above)?);
+        let gap = upper[0] - lower[0];
+        let part = if gap > 0.0 { (x - lower[0]) / gap } else { 0.0 };
+        (gap <= WIDEST_GAP.ln()).then(|| y - lower[1] - part * (upper[1] - lower[1]))
+    };
+    sweep.iter().filter_map(difference).filter(|difference| difference.is_finite()).collect()
+}
+
+/// Refuses sweeps one after the other whose moduli differ between equal frequencies: they are of several temperatures, strains or specimens.
+fn refuse_several_sweeps(file: &Path, form: SweepForm, rows: &[SweepRow]) -> Result<()> {
+    let parts = sweeps(rows);
+    let pairs = (0..parts.len()).flat_map(|place| (0..place).map(move |other| [place, other]));
+    for [place, other] in pairs {
+        let differences = differences_between(form, parts[place], parts[other]);
+        if differences.len() < FEWEST_DIFFERENCES {
+            continue;
+        }
+        let n = differences.len() as f64;
+        let mean = differences.iter().sum::<f64>() / n;
+        let sd = (differences.iter().map(|difference| (difference - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let mut sizes: Vec<f64> = differences.iter().map(|difference| difference.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let typical = sizes[sizes.len() / 2];
+        if mean.abs() > ALIKE.max(APART * sd) || typical > LIKE_REPEATS.ln() {
+            return Err(Error::input(
+                InputPlace::file(file),
+                format!(
+                    "the frequencies run through one range {} times, and the moduli of two runs differ by {:.0} %: these are several sweeps, such as of several temperatures or specimens",
+                    parts.len(),
+                    100.0 * typical.exp_m1()
+                ),
+                "give a table with the rows of one sweep",
+            ));
+        }
     }
     Ok(())
 }

@@ -249,3 +249,32 @@ fn a_phase_may_have_the_other_sign() {
     let some = moduli([1.0, 1.0]).replace("3,100,3", "3,100,-3");
     assert_eq!(read(&some, "").unwrap().rows[2].pair, [100.0, -3.0]);
 }
+
+/// Sweeps of a Maxwell body one after the other, on different frequencies. Those of one state are one record; those of two states are not.
+#[test]
+fn sweeps_on_different_frequencies_are_compared() {
+    let sweep = |factor: f64, first_hz: f64, is_descending: bool| -> String {
+        let row = |k: i32| {
+            let x = first_hz * 1.5_f64.powi(if is_descending { 14 - k } else { k });
+            // Noise of 2 %.
+            let scale = factor * (1.0 + 0.01 * f64::from((k * 7) % 5 - 2));
+            format!("{x},{},{}\n", scale * 100.0 * x * x / (1.0 + x * x), scale * 100.0 * x / (1.0 + x * x))
+        };
+        (0..15).map(row).collect()
+    };
+    let tried =
+        |second: String| read(&format!("frequency_hz,storage_pa,loss_pa\n{}{second}", sweep(1.0, 0.1, false)), "");
+    for (factor, is_descending) in [(1.4, false), (0.8, true), (0.1, false)] {
+        let error = tried(sweep(factor, 0.117, is_descending)).unwrap_err().to_string();
+        assert!(error.contains("these are several sweeps"), "{factor}: {error}");
+    }
+    for (second, n_rows) in [
+        (sweep(1.0, 0.117, false), 30),
+        (sweep(1.03, 0.117, true), 30),
+        // A second sweep of other frequencies has nothing in common with the first.
+        (sweep(1.4, 100.0, false), 30),
+        (String::new(), 15),
+    ] {
+        assert_eq!(tried(second).unwrap().rows.len(), n_rows);
+    }
+}
