@@ -283,9 +283,9 @@ pub(super) fn remarks(sweep: &OscillationRecord) -> Vec<String> {
             "the frequencies reach from {lowest_hz} to {highest_hz} Hz, as those of a master curve; of a direct measurement check their unit"
         )
     });
-    let zeros = (sweep.n_zero > 0).then(|| {
-        format!("{} rows are left out, because frequency and moduli are 0: nothing was measured in them", sweep.n_zero)
-    });
+    let left_out = if sweep.n_zero == 1 { "1 row is".into() } else { format!("{} rows are", sweep.n_zero) };
+    let zeros = (sweep.n_zero > 0)
+        .then(|| format!("{left_out} left out, because frequency and moduli are 0: nothing was measured there"));
     beyond.into_iter().chain(zeros).collect()
 }
 
