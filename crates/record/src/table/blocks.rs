@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::spelling::{ParsedUnit, clock_s, is_date_time, is_hours_minutes, split_unit, unit};
 use super::text::{
     COLUMNS, Decimal, Delimiter, REMARKS, Thousands, cells, comment_sign, header_cells, is_blank_or_comment,
-    is_invalid_point, n_before_names,
+    is_invalid_point, n_before_names, whole_lines,
 };
 use crate::trajectory::is_lost;
 
@@ -19,6 +19,10 @@ const SHEET: &str = "sheet ";
 const FEWEST_ROWS: usize = 3;
 /// Largest number of lines below a table that count as means and the like.
 const MOST_SUMMARIES: usize = 10;
+/// Largest number of lines with a note between the names of the columns and the rows.
+const MOST_NOTES: usize = 3;
+/// Number of lines above the rows that may hold names, units and a remark.
+const HEADER_LINES: usize = 4;
 /// Longest displayed title of a table, in characters.
 const LONGEST_TITLE: usize = 60;
 
@@ -46,12 +50,20 @@ pub(super) struct TableBlock {
     pub n_empty: usize,
     /// Line numbers and first words of the lines behind the last row that contain a word in place of the first value, such as `Mean`.
     pub summaries: Vec<(usize, String)>,
+    /// Index of a line with a single word between the first rows, such as `eoh`; `None` without such a line.
+    pub marker: Option<usize>,
 }
 
 impl TableBlock {
     /// Line numbers of the table's first and last row, from 1.
     pub fn lines(&self) -> [usize; 2] {
         [self.layout.first + 1, self.end]
+    }
+
+    /// Line numbers of the first and last row on each side of the marker, from 1.
+    pub fn ranges(&self) -> Vec<[usize; 2]> {
+        let [first, last] = self.lines();
+        self.marker.map_or(vec![[first, last]], |marker| vec![[first, marker], [marker + 2, last]])
     }
 }
 
@@ -144,6 +156,15 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
             block.summaries.push((index + 1, cells[0].to_string()));
             continue;
         }
+        // Some programs write the first row above the word that ends their header.
+        if let Some(block) = blocks.last_mut()
+            && (1..FEWEST_ROWS).contains(&block.n_rows)
+            && cells.len() == 1
+            && is_single_word(line)
+            && is_word(&cells[0])
+        {
+            block.marker = Some(index);
+        }
         if !is_row || is_preamble {
             continue;
         }
@@ -162,18 +183,20 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
                 title: String::new(),
                 n_empty: 0,
                 summaries: Vec::new(),
+                marker: None,
             });
         }
         if let Some(block) = blocks.last_mut() {
             // A few rows of numbers with another number of cells are the preamble of the table that follows.
             if block.layout.n_cells != cells.len() && block.n_rows < FEWEST_ROWS {
-                // Unless the first row only lacks its last cells, and a header of the full length stands above it.
+                // Unless the first row only lacks its last cells or ends in a remark, and a header of the full length stands above it.
                 let whole = Layout { n_cells: cells.len(), ..block.layout.clone() };
-                if block.layout.n_cells < cells.len() && header(lines, 0, &whole, 0).line.is_some() {
+                let may_begin = block.layout.n_cells < cells.len() || begins_with_values(lines[whole.first], &whole);
+                if may_begin && header(lines, 0, &whole, 0).line.is_some() {
                     block.layout = whole;
                 } else {
                     block.layout = Layout { first: index, ..whole };
-                    block.n_rows = 0;
+                    (block.n_rows, block.marker) = (0, None);
                 }
             }
             (block.end, block.n_rows) = (index + 1, block.n_rows + 1);
@@ -183,6 +206,7 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
     let mut before = 0;
     for block in &mut blocks {
         block.summaries.retain(|(line, _)| *line > block.end);
+        block.marker = block.marker.filter(|marker| (block.layout.first + 1..block.end).contains(marker));
         // So many lines are rows, whose first column contains names and numbers.
         if block.summaries.len() > MOST_SUMMARIES {
             (block.end, block.n_rows) =
@@ -208,13 +232,37 @@ fn begins_with_value(line: &str, layout: &Layout) -> bool {
     cells(line, layout.delimiter).first().is_some_and(|cell| is_value(cell, layout.delimiter, layout.decimal))
 }
 
+/// True if the cells of all columns in a line are values. The line may have further cells.
+fn begins_with_values(line: &str, layout: &Layout) -> bool {
+    let cells = cells(line, layout.delimiter);
+    cells.iter().take(layout.n_cells).all(|cell| is_value(cell, layout.delimiter, layout.decimal))
+}
+
+fn is_single_word(line: &str) -> bool {
+    line.split_whitespace().count() == 1
+}
+
+/// Returns the numbers, from 1, of the lines of a table that have the cells of a row behind a comment sign.
+pub(super) fn commented_rows(lines: &[&str], block: &TableBlock) -> Vec<usize> {
+    let is_commented = |index: &usize| is_commented_row(lines[*index], &block.layout);
+    let begin = block.header.line.map_or(block.layout.first, |line| line + 1);
+    let within = (begin..block.end).filter(is_commented);
+    let below = (block.end..lines.len()).take_while(is_commented);
+    within.chain(below).map(|index| index + 1).collect()
+}
+
+fn is_commented_row(line: &str, layout: &Layout) -> bool {
+    let Some(sign) = comment_sign(line, None) else { return false };
+    let cells = cells(&line.trim_start()[sign.len()..], layout.delimiter);
+    let (n_values, n_others) = counts(&cells, layout.delimiter, layout.decimal);
+    cells.len() == layout.n_cells && n_values >= 2 && n_others == 0
+}
+
 /// Number of columns at the end that are empty in every row, because rows may end in a delimiter.
 fn n_empty_at_end(rows: &[&str], layout: &Layout) -> usize {
     let rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(LOOKED_AT);
-    let empty = rows.map(|line| {
-        let cells = cells(line, layout.delimiter);
-        cells.iter().rev().take_while(|cell| cell.is_empty()).count()
-    });
+    let rows = rows.map(|line| cells(line, layout.delimiter)).filter(|cells| cells.len() > 1);
+    let empty = rows.map(|cells| cells.iter().rev().take_while(|cell| cell.is_empty()).count());
     empty.min().unwrap_or(0)
 }
 
@@ -227,6 +275,8 @@ pub(super) struct Header {
     pub units: Vec<Option<ParsedUnit>>,
     /// Indices of columns with a unit that the program does not use, such as a temperature or a voltage.
     pub foreign: Vec<usize>,
+    /// True if the line has no name for the first column, so that names do not find their columns again.
+    pub lacks_first_name: bool,
 }
 
 /// Returns the cells of a line as column names. `None` unless the number of cells matches the rows and at least two cells are words. The last `n_empty` columns need no
@@ -259,21 +309,22 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     }
     let has_cell =
         |line: &str| !is_invalid_point(line) && cells(line, layout.delimiter).iter().any(|cell| !cell.is_empty());
-    let mut above: Vec<usize> = (from..layout.first).rev().filter(|index| has_cell(lines[*index])).take(4).collect();
-    // A single word, such as `BEGIN`, marks where the rows begin.
-    let is_word = |line: &str| cells(line, layout.delimiter).len() == 1 && line.split_whitespace().count() == 1;
-    if above.first().is_some_and(|index| is_word(lines[*index])) {
-        above.remove(0);
-    }
+    let mut above: Vec<(usize, Cow<'_, str>)> = whole_lines(&lines[from..layout.first], layout.delimiter);
+    above.retain(|(_, line)| has_cell(line) && !is_commented_row(line, layout));
+    above.reverse();
+    let n_notes = above.iter().take(MOST_NOTES).take_while(|(_, line)| is_note(line, layout, n_empty)).count();
+    above.drain(..n_notes);
+    above.truncate(HEADER_LINES);
+    above.iter_mut().for_each(|(index, _)| *index += from);
     let names =
-        |place: usize| above.get(place).and_then(|index| Some((*index, names_in(lines[*index], layout, n_empty)?)));
+        |place: usize| above.get(place).and_then(|(index, line)| Some((*index, names_in(line, layout, n_empty)?)));
     // Units below names with as many cells begin in the same cell as the names.
     let units_below = |place: usize, names: usize| {
         let [units, names] =
-            [place, names].map(|place| above.get(place).map(|index| cells(lines[*index], layout.delimiter)));
+            [place, names].map(|place| above.get(place).map(|(_, line)| cells(line, layout.delimiter)));
         let (mut units, names) = units.zip(names)?;
         if layout.delimiter == Delimiter::Spaces || units.len() != names.len() {
-            return names_in(lines[above[place]], layout, n_empty);
+            return names_in(&above[place].1, layout, n_empty);
         }
         units.drain(..n_before_names(&names, layout.n_cells));
         as_names(units, layout, n_empty)
@@ -287,8 +338,10 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
             names.iter().zip(cells).filter(|(name, unit)| name.is_empty() && !unit.is_empty()).count()
         };
         let lines = [place + 1, place + 2].into_iter().filter_map(with_cells);
-        let ((line, names), cells) = lines.min_by_key(n_unnamed)?;
-        let units: Vec<Option<ParsedUnit>> = cells.iter().map(|cell| unit(cell)).collect();
+        let ((line, names), mut cells) = lines.min_by_key(n_unnamed)?;
+        // Beside the rows, above columns without a value, may stand a note.
+        cells.truncate(layout.n_cells - n_empty.min(layout.n_cells));
+        let mut units: Vec<Option<ParsedUnit>> = cells.iter().map(|cell| unit(cell)).collect();
         let length = |cell: &String| cell.trim_matches(['[', ']', '(', ')']).chars().count();
         let is_bracketed = |cell: &&String| cell.starts_with(['[', '(']) && cell.ends_with([']', ')']);
         let are_bracketed = cells.iter().filter(|cell| !cell.is_empty()).all(|cell| is_bracketed(&cell));
@@ -300,12 +353,30 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         // A unit line may contain units that the program does not use, such as °C.
         let is_foreign = |at: &usize| units[*at].is_none() && cells[*at].chars().any(char::is_alphabetic);
         let foreign = (0..units.len()).filter(is_foreign).collect();
-        Some(Header { line: Some(line), names, units, foreign })
+        units.resize(names.len(), None);
+        Some(Header { line: Some(line), names, units, foreign, ..Header::default() })
     };
     if let Some(header) = with_units(0).or_else(|| with_units(1)) {
         return header;
     }
-    let Some((line, names)) = names(0) else { return Header::default() };
+    // A comment may have as many words as the rows have cells. Names above it are no comment, and state units.
+    let is_comment = |place: usize| above.get(place).is_some_and(|(_, line)| comment_sign(line, None).is_some());
+    let n_units = |names: &[String]| names.iter().filter(|name| split_unit(name).1.is_some()).count();
+    let above_note = |of_note: &(usize, Vec<String>)| {
+        let is_note = is_comment(0) && n_units(&of_note.1) == 0;
+        let mut others = (1..above.len()).filter(|place| is_note && !is_comment(*place)).filter_map(names);
+        others.find(|(_, names)| n_units(names) >= 2)
+    };
+    let found = names(0).map(|nearest| above_note(&nearest).unwrap_or(nearest));
+    let is_whole = found.is_some();
+    let without_first = || {
+        let (index, line) = above.first().filter(|_| layout.n_cells > 2)?;
+        let layout_of_names = Layout { n_cells: layout.n_cells - 1, ..layout.clone() };
+        let mut names = names_in(line, &layout_of_names, n_empty)?;
+        names.insert(0, String::new());
+        has_unnamed_first(&lines[layout.first..], layout).then_some((*index, names))
+    };
+    let Some((line, names)) = found.or_else(without_first) else { return Header::default() };
     // LabVIEW names the quantity of the first column in its preamble, and its times are in seconds.
     let is_time = |line: &&str| line.starts_with("X_Dimension\tTime");
     let unit_of = |name: &String| match name.as_str() {
@@ -313,7 +384,22 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         name => split_unit(name).1,
     };
     let units = names.iter().map(unit_of).collect();
-    Header { line: Some(line), names, units, foreign: Vec::new() }
+    Header { line: Some(line), names, units, foreign: Vec::new(), lacks_first_name: !is_whole }
+}
+
+/// True for a line that cannot hold the names of the columns: a comment, a word such as `BEGIN`, or a text in a single cell.
+fn is_note(line: &str, layout: &Layout, n_empty: usize) -> bool {
+    let n_filled = || cells(line, layout.delimiter).iter().filter(|cell| !cell.is_empty()).count();
+    let is_text = || layout.delimiter != Delimiter::Spaces && n_filled() == 1;
+    names_in(line, layout, n_empty).is_none()
+        && (comment_sign(line, None).is_some() || is_single_word(line) || is_text())
+}
+
+/// True if the first cell of each of the first rows is empty, or alone in quotation marks as R writes the names of rows.
+fn has_unnamed_first(rows: &[&str], layout: &Layout) -> bool {
+    let mut rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(FEWEST_ROWS);
+    let is_of_r = |line: &str| line.starts_with('"') && line.matches('"').count() == 2;
+    rows.all(|line| cells(line, layout.delimiter)[0].is_empty() || is_of_r(line))
 }
 
 /// Finds a header in the comments above a table, as JPK writes it: `# columns: …` and `# units: …`. `None` without such comments.
@@ -329,7 +415,7 @@ fn commented_header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize
     let names = names_in(lines[line], layout, n_empty)?;
     let given: Vec<_> = comment("units").map_or(Vec::new(), |(_, units)| units.split_whitespace().map(unit).collect());
     let units = if given.len() == names.len() { given } else { names.iter().map(|name| split_unit(name).1).collect() };
-    Some(Header { line: Some(line), names, units, foreign: Vec::new() })
+    Some(Header { line: Some(line), names, units, ..Header::default() })
 }
 
 /// Finds names that a preamble lists one a line, as instruments of thermal analysis write them: `Sig1`, a tab, `Time (min)`. `None` unless every column has
@@ -343,7 +429,7 @@ fn listed_header(lines: &[&str], from: usize, layout: &Layout) -> Option<Header>
     };
     let names: Vec<String> = (1..=layout.n_cells).map(named).collect::<Option<_>>()?;
     let units = names.iter().map(|name| split_unit(name).1).collect();
-    Some(Header { line: None, names, units, foreign: Vec::new() })
+    Some(Header { names, units, ..Header::default() })
 }
 
 /// Returns the name of the sheet that begins above a table, or the nearest line above its header; empty if there is none. The search ends at index `from`.
@@ -355,4 +441,107 @@ fn title(lines: &[&str], from: usize, block: &TableBlock) -> String {
     let line = above.map_or("", |index| lines[index].trim_matches([',', ';', '\t', ' ']));
     let words: Vec<&str> = line.split_whitespace().collect();
     words.join(" ").chars().take(LONGEST_TITLE).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn first_table(text: &str) -> TableBlock {
+        let lines: Vec<&str> = text.lines().collect();
+        blocks(&lines).expect("a table").swap_remove(0)
+    }
+
+    const ROWS: &str = "0,1,0\n1,1,2\n2,1,3\n3,1,4\n";
+
+    #[test]
+    fn notes_between_names_and_rows_hide_no_names() {
+        let names = ["t [s]", "F [uN]", "x [um]"];
+        let header = names.join(",");
+        for notes in [
+            "# start",
+            "start of recording",
+            "start of recording,,",
+            "eoh",
+            "# a\n\n# b, c",
+            "# one, two, three",
+            "#0,0,0\n#1,1,1\n#2,2,2\n#3,3,3\n#4,4,4",
+        ] {
+            let table = first_table(&format!("Gel of day 3\n{header}\n{notes}\n{ROWS}"));
+            assert_eq!(table.header.names, names, "{notes}");
+            assert_eq!((table.header.line, table.n_rows), (Some(1), 4), "{notes}");
+        }
+        // Words between blanks may be as many as the columns; the names above state units.
+        let table = first_table("t_s F_uN x_um\n# creep of gel\n0 1 0\n1 1 2\n2 1 3\n");
+        assert_eq!(table.header.names, ["t_s", "F_uN", "x_um"]);
+        // A sentence above the names is none of them.
+        let table = first_table(&format!("All forces in uN, positions in um, times in s\nt,F,x\n{ROWS}"));
+        assert_eq!(table.header.names, ["t", "F", "x"]);
+        // More lines are a preamble.
+        let table = first_table(&format!("{header}\na b\nb c\nc d\nd e\n{ROWS}"));
+        assert!(table.header.names.is_empty(), "{:?}", table.header);
+    }
+
+    #[test]
+    fn names_may_contain_line_breaks() {
+        let table = first_table(&format!("\"t\n[s]\",\"F\n\n[uN]\",\"x [um]\"\n{ROWS}"));
+        assert_eq!(table.header.names, ["t [s]", "F  [uN]", "x [um]"]);
+        assert_eq!((table.header.line, table.layout.first), (Some(0), 4));
+    }
+
+    #[test]
+    fn a_word_between_the_first_rows_is_left_out() {
+        let table = first_table(&format!("t [s],F [uN],x [um]\n-1,0,0\neoh\n{ROWS}"));
+        assert_eq!((table.header.line, table.n_rows), (Some(0), 5));
+        assert_eq!(table.ranges(), [[2, 2], [4, 7]]);
+        let later = first_table(&format!("t [s],F [uN],x [um]\n{ROWS}eoh\n4,1,5\n"));
+        assert_eq!((later.marker, later.ranges()), (None, vec![[2, 7]]));
+    }
+
+    #[test]
+    fn a_remark_behind_the_first_row_is_no_column() {
+        let names = "X_Value\tLoad\tx\tComment\n";
+        let table = first_table(&format!("{names}0\t1\t0\ttest\n1\t1\t2\n2\t1\t3\n3\t1\t3\n"));
+        assert_eq!((&table.header.names[..], table.n_rows), (&["X_Value", "Load", "x"].map(String::from)[..], 4));
+        // Without names above it, a longer line of numbers belongs to the preamble.
+        let table = first_table("1\t2\t3\t4\n0\t1\t0\n1\t1\t2\n2\t1\t3\n");
+        assert_eq!((table.layout.first, table.layout.n_cells), (1, 3));
+    }
+
+    #[test]
+    fn a_note_beside_the_units_is_no_unit() {
+        let rows = ROWS.replace('\n', ",,\n");
+        let table = first_table(&format!("Time,Force,Position,,10 mm/min\n(s),(uN),(um),,20 N preload\n{rows}"));
+        assert_eq!(table.header.names[..3], ["Time", "Force", "Position"]);
+        assert_eq!(table.header.units[2].as_ref().map(|unit| unit.name.as_str()), Some("um"));
+        assert_eq!(table.header.units.len(), 5);
+        // Above values, a text in place of a unit is a name.
+        let rows = ROWS.replace('\n', ",5,6\n");
+        let table = first_table(&format!("Time,Force,Position,,A\n(s),(uN),(um),,20 N preload\n{rows}"));
+        assert_eq!(table.header.names[0], "(s)");
+    }
+
+    #[test]
+    fn names_begin_behind_a_first_column_without_values() {
+        let names = "w (rad/s)\tG' (Pa)\tG'' (Pa)\n";
+        for first in ["", "\"a\""] {
+            let rows: String = (1..5).map(|row| format!("{first}\t{row}\t2\t3\n")).collect();
+            let header = first_table(&format!("{names}{rows}")).header;
+            assert_eq!(header.names, ["", "w (rad/s)", "G' (Pa)", "G'' (Pa)"], "{first}");
+            assert!(header.lacks_first_name && header.units[2].is_some());
+        }
+        // Any column may lack its name if the first one has values.
+        let rows: String = (1..5).map(|row| format!("{row}\t1\t2\t3\n")).collect();
+        assert!(first_table(&format!("{names}{rows}")).header.names.is_empty());
+    }
+
+    #[test]
+    fn rows_behind_a_comment_sign_are_counted() {
+        let text = format!("t,F,x\n#-1,1,2\n{ROWS}# pause\n# 4,1\n//5,1,5\n# 6,1,6\n");
+        let lines: Vec<&str> = text.lines().collect();
+        let table = &blocks(&lines).expect("a table")[0];
+        assert_eq!(commented_rows(&lines, table), [2]);
+        let lines: Vec<&str> = text.lines().filter(|line| !["# pause", "# 4,1"].contains(line)).collect();
+        assert_eq!(commented_rows(&lines, &blocks(&lines).expect("a table")[0]), [2, 7, 8]);
+    }
 }

@@ -10,7 +10,7 @@ use super::blocks::{Header, TableBlock};
 use super::description::{BlankForce, ColumnName, PositionColumns, TableDescription, TableLayout, TimeFormat};
 use super::read::read_described;
 use super::roles::{ColumnMatch, KnownColumns, Role, unknown_unit};
-use super::several::{ask_table, chosen_tables, describe_summaries, describe_tables, tables_of};
+use super::several::{ask_table, chosen_tables, describe_left_out, describe_tables, tables_of};
 use super::spelling::{
     ParsedUnit, clock_s, counted, hours_minutes_s, is_date_time, is_hours_minutes, split_unit, unit,
 };
@@ -254,7 +254,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         }
     }
     reasons.push(describe_layout(&tables, &lines));
-    reasons.extend(describe_summaries(&tables));
+    reasons.extend(describe_left_out(&lines, &tables));
     reasons.extend(describe_tables(&all, &tables));
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
@@ -617,8 +617,8 @@ impl DescribedFile<'_> {
             layout: TableLayout {
                 thousands,
                 decimal,
-                row_lines: if tables.len() > 1 || self.is_followed() {
-                    tables.iter().map(|table| table.lines()).collect()
+                row_lines: if tables.len() > 1 || self.is_followed() || tables[0].marker.is_some() {
+                    tables.iter().flat_map(|table| table.ranges()).collect()
                 } else {
                     Vec::new()
                 },
@@ -642,10 +642,10 @@ impl DescribedFile<'_> {
         })
     }
 
-    /// Name of the column with the index `at`, or its number. Names that stand in several lines of a preamble are not found again by name.
+    /// Name of the column with the index `at`, or its number. Names in several lines of a preamble, or in a line that lacks the first name, do not find their columns.
     fn column_name(&self, at: usize) -> ColumnName {
         let header = self.header();
-        match header.names.get(at).filter(|_| header.line.is_some()) {
+        match header.names.get(at).filter(|_| header.line.is_some() && !header.lacks_first_name) {
             Some(name) if header.names.iter().filter(|other| *other == name).count() == 1 && !name.is_empty() => {
                 ColumnName::Named(name.clone())
             }
@@ -1084,8 +1084,9 @@ pub fn inspect_tables(file: &Path, bytes: &[u8]) -> Result<Vec<InspectedTable>> 
             (names[at], units[at]) = (String::new(), None);
         }
         let mut layout = written(bytes, &lines, table);
-        if all.len() > 1 || lines[table.end..].iter().any(|line| !is_blank_or_comment(line, None)) {
-            layout.row_lines = vec![table.lines()];
+        let is_followed = || lines[table.end..].iter().any(|line| !is_blank_or_comment(line, None));
+        if all.len() > 1 || table.marker.is_some() || is_followed() {
+            layout.row_lines = table.ranges();
         }
         let is_row = |line: usize| all.iter().any(|table| (table.lines()[0]..=table.lines()[1]).contains(&line));
         let above = lines.iter().enumerate().take(table.lines()[0] - 1).filter(|(place, _)| !is_row(place + 1));
@@ -1126,7 +1127,7 @@ fn written(bytes: &[u8], lines: &[&str], table: &TableBlock) -> TableLayout {
         decimal: table.layout.decimal,
         encoding: Some(Encoding::of(bytes)),
         comment: lines.iter().find_map(|line| comment_sign(line, None)).map(String::from),
-        header_line: table.header.line.map(|index| index + 1),
+        header_line: table.header.line.filter(|_| !table.header.lacks_first_name).map(|index| index + 1),
         first_row_line: table.layout.first + 1,
         row_lines: Vec::new(),
         thousands: None,
@@ -1546,5 +1547,31 @@ mod tests {
         let text = "t_s,F_uN,x (um),y (um)\n0,1,0,500.25\n1,1,3,504\n2,1,6,508\n";
         let far = propose(Path::new("t.csv"), text.as_bytes(), &TableSettings::default(), &mut |_| None).unwrap();
         assert!(far.reasons.iter().any(|reason| reason.contains("is 0 and 500.25 in the table")), "{:?}", far.reasons);
+    }
+
+    fn proposed(text: &str, given: &TableSettings) -> std::result::Result<TableProposal, String> {
+        propose(Path::new("t.csv"), text.as_bytes(), given, &mut |_| None).map_err(|error| error.to_string())
+    }
+
+    /// Names that line breaks divide, a word between rows, and a row behind a comment sign.
+    #[test]
+    fn names_and_rows_are_found_again_by_the_description() {
+        let given = TableSettings::default();
+        let rows = "0,1,0\n1,1,2\n2,1,3\n3,1,4\n";
+        let broken = proposed(&format!("\"t\n[s]\",\"F\n[uN]\",\"x\n[um]\"\n{rows}"), &given).unwrap();
+        assert_eq!(broken.description.time.0, ColumnName::Named("t [s]".into()));
+        assert_eq!((broken.n_rows, broken.position_m), (4, [0.0, 4e-6]));
+        let marked = proposed(&format!("t [s],F [uN],x [um]\n-1,0,0\neoh\n{rows}#4,1,5\n"), &given).unwrap();
+        assert_eq!((marked.n_rows, marked.duration_s), (5, 4.0));
+        assert_eq!(marked.description.layout.row_lines, [[2, 2], [4, 7]]);
+        for words in ["line 3 (`eoh`)", "1 rows begin with `#` and are left out as comments, the first in line 8"] {
+            assert!(marked.reasons.iter().any(|reason| reason.contains(words)), "{:?}", marked.reasons);
+        }
+        let none = proposed("bead,t [s],F [uN],x [um]\n#3,0,1,0\n#3,1,1,2\n#3,2,1,3\n", &given).unwrap_err();
+        assert!(none.contains("every row begins with the sign of a comment"), "{none}");
+        // A line that lacks the first name gives numbers, as the names do not find their columns.
+        let shifted = proposed("t [s]\tF [uN]\tx [um]\n\t0\t1\t0\n\t1\t1\t2\n\t2\t1\t3\n", &given).unwrap();
+        assert_eq!(shifted.description.time.0, ColumnName::Number(2));
+        assert_eq!((shifted.description.layout.header_line, shifted.position_m), (None, [0.0, 3e-6]));
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::description::{BlankForce, ColumnName, TableDescription, TableLayout, TimeFormat};
 use super::spelling::{DateOrder, clock_s, date_time_s, hours_minutes_s};
-use super::text::{Decimal, Encoding, cells, header_cells, is_blank_or_comment};
+use super::text::{Decimal, Encoding, cells, header_cells, is_blank_or_comment, whole_lines};
 use crate::control::Control;
 use crate::times::{TimeRows, order_times};
 use crate::trajectory::{CYCLE, FORCE, POSITION, TIME, TableRow, Trajectory, is_lost};
@@ -37,10 +37,18 @@ impl<'a> ColumnNames<'a> {
     pub fn new(file: &'a Path, text: &'a str, layout: &TableLayout) -> Self {
         let header = layout.header_line.map(|number| {
             let mut lines = text.lines().skip(number - 1);
-            let line = lines.next().unwrap_or_default();
-            let row = lines.nth((layout.first_row_line - number).saturating_sub(1)).unwrap_or_default();
-            let n_cells = cells(row, layout.delimiter).len();
-            (number, header_cells(line, layout.delimiter, layout.comment.as_deref(), n_cells))
+            let above: Vec<&str> = lines.by_ref().take(layout.first_row_line.saturating_sub(number)).collect();
+            let n_cells = cells(lines.next().unwrap_or_default(), layout.delimiter).len();
+            let comment = layout.comment.as_deref();
+            let names = match whole_lines(&above, layout.delimiter).into_iter().next() {
+                Some((_, Cow::Owned(line))) => {
+                    let names = header_cells(&line, layout.delimiter, comment, n_cells);
+                    names.into_iter().map(|name| Cow::Owned(name.into_owned())).collect()
+                }
+                Some((_, Cow::Borrowed(line))) => header_cells(line, layout.delimiter, comment, n_cells),
+                None => Vec::new(),
+            };
+            (number, names)
         });
         Self { file, header }
     }

@@ -3,17 +3,29 @@
 use std::path::Path;
 
 use super::asked::{Ask, Question, TableSettings};
-use super::blocks::{TableBlock, blocks};
+use super::blocks::{TableBlock, blocks, commented_rows};
+use super::text::comment_sign;
 use base::error::{Error, InputPlace, Result, Setting};
 
 /// Returns the tables of a file's text; at least one.
 pub(super) fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> {
     blocks(lines).filter(|blocks| !blocks.is_empty()).ok_or_else(|| {
-        Error::input(
-            InputPlace::file(file),
-            "the file has no two columns of numbers",
-            "export the table as text: one sample on each line, with commas, semicolons, tabs or blanks between cells",
-        )
+        let uncommented = |line: &&str| match comment_sign(line, None) {
+            Some(sign) => line.trim_start()[sign.len()..].to_string(),
+            None => line.to_string(),
+        };
+        let text: Vec<String> = lines.iter().map(uncommented).collect();
+        let [found, remedy] = match blocks(&text.iter().map(String::as_str).collect::<Vec<_>>()) {
+            Some(_) => [
+                "every row begins with the sign of a comment, so that none is read",
+                "remove the sign, as in `#3`, from the rows",
+            ],
+            None => [
+                "the file has no two columns of numbers",
+                "export the table as text: one sample on each line, with commas, semicolons, tabs or blanks between cells",
+            ],
+        };
+        Error::input(InputPlace::file(file), found, remedy)
     })
 }
 
@@ -124,11 +136,26 @@ pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: 
     }
 }
 
-/// Returns a sentence that names the lines below the rows that are not read, such as a line of means; `None` without such lines.
-pub(super) fn describe_summaries(read: &[&TableBlock]) -> Option<String> {
+/// Returns sentences that name lines beside the rows that are not read: means below them, a word between them, and rows behind a comment sign.
+pub(super) fn describe_left_out(lines: &[&str], read: &[&TableBlock]) -> Vec<String> {
     let named = |(line, word): &(usize, String)| format!("line {line} (`{word}`)");
-    let lines: Vec<String> = read.iter().flat_map(|table| &table.summaries).map(named).collect();
-    (!lines.is_empty()).then(|| format!("left out below the rows: {}", lines.join(", ")))
+    let summaries: Vec<String> = read.iter().flat_map(|table| &table.summaries).map(named).collect();
+    let mut sentences = Vec::new();
+    if !summaries.is_empty() {
+        sentences.push(format!("left out below the rows: {}", summaries.join(", ")));
+    }
+    for marker in read.iter().filter_map(|table| table.marker) {
+        sentences.push(format!("left out between the rows: line {} (`{}`)", marker + 1, lines[marker].trim()));
+    }
+    let commented: Vec<usize> = read.iter().flat_map(|table| commented_rows(lines, table)).collect();
+    if let Some(first) = commented.first() {
+        let sign = comment_sign(lines[first - 1], None).unwrap_or_default();
+        sentences.push(format!(
+            "{} rows begin with `{sign}` and are left out as comments, the first in line {first}: remove the sign from rows that count",
+            commented.len()
+        ));
+    }
+    sentences
 }
 
 /// Returns sentences that tell for each table of a file whether it is read; empty for a single table.

@@ -288,6 +288,51 @@ fn cells_between_spaces(line: &str) -> Vec<Cow<'_, str>> {
     line.split_whitespace().map(cell).collect()
 }
 
+/// Largest number of lines that one line of column names takes because its cells contain line breaks.
+const MOST_BROKEN: usize = 40;
+
+/// Returns lines with their indices. Lines of a cell in quotation marks that contains line breaks are joined by blanks and have the index of the first one.
+pub(super) fn whole_lines<'a>(lines: &[&'a str], delimiter: Delimiter) -> Vec<(usize, Cow<'a, str>)> {
+    let mut whole = Vec::new();
+    let mut rest = 0;
+    while rest < lines.len() {
+        let n_lines = n_broken(&lines[rest..], delimiter);
+        let text = match n_lines {
+            1 => Cow::Borrowed(lines[rest]),
+            _ => lines[rest..rest + n_lines].iter().map(|line| line.trim()).collect::<Vec<_>>().join(" ").into(),
+        };
+        whole.push((rest, text));
+        rest += n_lines;
+    }
+    whole
+}
+
+/// Number of lines, from the first one on, up to the end of the cells that begin in it; 1 if a quotation mark closes nowhere.
+fn n_broken(lines: &[&str], delimiter: Delimiter) -> usize {
+    let between = match delimiter {
+        Delimiter::Comma => ',',
+        Delimiter::Semicolon => ';',
+        Delimiter::Tab => '\t',
+        Delimiter::Spaces => return 1,
+    };
+    // A quotation mark opens a cell at its start only. Two marks within a cell are one of its characters.
+    let (mut is_open, mut may_open) = (false, true);
+    for (place, line) in lines.iter().enumerate().take(MOST_BROKEN) {
+        for c in line.chars() {
+            match c {
+                '"' if is_open || may_open => (is_open, may_open) = (!is_open, true),
+                ' ' if may_open => {}
+                _ if !is_open => may_open = c == between,
+                _ => {}
+            }
+        }
+        if !is_open {
+            return place + 1;
+        }
+    }
+    1
+}
+
 /// Key of the comment that names the columns.
 pub const COLUMNS: &str = "columns";
 
@@ -455,6 +500,23 @@ mod tests {
             (Decimal::Point, ""),
         ] {
             assert_eq!(decimal.number(cell), None, "{cell}");
+        }
+    }
+
+    #[test]
+    fn quoted_cells_may_hold_line_breaks() {
+        let joined = |lines: &[&str]| {
+            let whole = whole_lines(lines, Delimiter::Comma);
+            whole.into_iter().map(|(index, line)| (index, line.into_owned())).collect::<Vec<_>>()
+        };
+        let line = |index: usize, text: &str| (index, text.to_string());
+        assert_eq!(
+            joined(&["a", "\"t", "(s)\",\"x \"\"1\"\"", "(um)\"", "0,1"]),
+            [line(0, "a"), line(1, "\"t (s)\",\"x \"\"1\"\" (um)\""), line(4, "0,1")]
+        );
+        // A mark within a cell is an inch or a loss modulus, and one that closes nowhere is a character.
+        for lines in [["5\" tip,G\"", "0,1"], ["\"t,x", "0,1"]] {
+            assert_eq!(joined(&lines).len(), 2, "{lines:?}");
         }
     }
 
