@@ -272,6 +272,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
             "{why} at {began_s} s (load_start_s), and the rows before line {line} are left out (first_row_line)"
         ));
     }
+    reasons.extend(describe_far_last_row(&trajectory));
     let mut steps = described.clock_of_steps(&description, &trajectory);
     let takes_step = given.columns[0].is_none() && !given.force_is_elsewhere;
     if let Some(clock) = steps.as_ref().filter(|clock| clock.is_single() && takes_step) {
@@ -974,6 +975,28 @@ impl DescribedFile<'_> {
     }
 }
 
+/// Smallest ratio of the interval before the last row to all others at which the row may be a line of another kind. Logarithmic clocks have smaller ones.
+const FAR: f64 = 10.0;
+/// Smallest number of rows before such a row.
+const FEWEST_BEFORE: usize = 10;
+
+/// Sentence about a last row that is farther from the row before than the whole record before it is long; `None` for other rows.
+fn describe_far_last_row(trajectory: &Trajectory) -> Option<String> {
+    let Trajectory { time_s, lines, .. } = trajectory;
+    let [before @ .., last_s] = &time_s[..] else { return None };
+    let (first_s, before_s) = (before.first()?, before.last()?);
+    let gap_s = last_s - before_s;
+    let longest_s = before.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    let is_far = before.len() >= FEWEST_BEFORE && gap_s > before_s - first_s && gap_s > FAR * longest_s;
+    is_far.then(|| {
+        format!(
+            "the last row, line {}, is {} s after the row before, longer than the record before it: delete the row if it is no sample",
+            lines[time_s.len() - 1],
+            six_digits(gap_s)
+        )
+    })
+}
+
 /// Reason for which a force is linear between rows: it has sampled ramps, and holds in most other rows. `None` without such ramps.
 fn reason_of_ramps(trajectory: &Trajectory) -> Option<String> {
     let Trajectory { time_s, force_n, lines, .. } = trajectory;
@@ -1573,5 +1596,24 @@ mod tests {
         let shifted = proposed("t [s]\tF [uN]\tx [um]\n\t0\t1\t0\n\t1\t1\t2\n\t2\t1\t3\n", &given).unwrap();
         assert_eq!(shifted.description.time.0, ColumnName::Number(2));
         assert_eq!((shifted.description.layout.header_line, shifted.position_m), (None, [0.0, 3e-6]));
+    }
+
+    #[test]
+    fn a_last_row_far_behind_the_record_is_named() {
+        let rows = |times: &[f64]| -> String {
+            times.iter().fold("t [s],F [uN],x [um]\n".into(), |text, t| text + &format!("{t},1,{}\n", t.sqrt()))
+        };
+        let even: Vec<f64> = (0..20).map(f64::from).collect();
+        let far = |last_s: f64| [even.clone(), vec![last_s]].concat();
+        let logarithmic: Vec<f64> = (0..20).map(|row| 3_f64.powi(row)).collect();
+        let paused: Vec<f64> = (0..20).map(|row| if row < 10 { 0.0 } else { 200.0 } + f64::from(row)).collect();
+        for (times, line) in [(far(820.0), Some(22)), (far(30.0), None), (logarithmic, None), (paused, None)] {
+            let found = proposed(&rows(&times), &TableSettings::default()).unwrap();
+            let said = found.reasons.iter().find(|reason| reason.contains("the last row"));
+            assert_eq!(said.is_some(), line.is_some(), "{said:?}");
+            if let (Some(said), Some(line)) = (said, line) {
+                assert!(said.contains(&format!("line {line}, is 801 s after")), "{said}");
+            }
+        }
     }
 }
