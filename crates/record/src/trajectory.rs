@@ -467,7 +467,9 @@ fn plausible(place: &dyn Fn() -> InputPlace, value: f64, [smallest, largest]: [f
 
 /// Parses the cycle number of a row, and checks that cycles are counted from 1 without gaps. `before` is the previous row's cycle.
 fn next_cycle(place: &dyn Fn() -> InputPlace, text: &str, before: Option<u32>) -> Result<u32> {
-    let cycle = text.parse::<u32>().ok().filter(|cycle| *cycle >= 1).ok_or_else(|| {
+    // Programs that know only one kind of number write `1.0`.
+    let is_cycle = |number: &f64| *number >= 1.0 && number.fract() == 0.0 && *number <= f64::from(u32::MAX);
+    let cycle = text.parse::<f64>().ok().filter(is_cycle).map(|number| number as u32).ok_or_else(|| {
         Error::input(
             place(),
             format!("`{text}` is not a cycle number"),
@@ -517,6 +519,21 @@ mod tests {
         assert_eq!(trajectory.position_m, [Some(1.5e-6), None, None]);
         assert_eq!(trajectory.cycle, Some(vec![1, 1, 2]));
         assert_eq!(trajectory.position_column, "position_nm");
+    }
+
+    #[test]
+    fn cycles_are_whole_numbers_in_any_notation() {
+        let cycles = |cells: [&str; 2]| {
+            let text = format!("time_s,force_N,position_m,cycle\n0,1,0,{}\n1,1,0,{}\n", cells[0], cells[1]);
+            read(&text).map(|trajectory| trajectory.cycle)
+        };
+        for cells in [["1", "2"], ["1.0", "2.000"], ["1E0", "2e0"]] {
+            assert_eq!(cycles(cells).unwrap(), Some(vec![1, 2]), "{cells:?}");
+        }
+        for wrong in ["1.5", "0.0", "-1", "nan", "1e300", "one"] {
+            let error = cycles(["1", wrong]).unwrap_err().to_string();
+            assert!(error.contains(&format!("`{wrong}` is not a cycle number")), "{error}");
+        }
     }
 
     #[test]

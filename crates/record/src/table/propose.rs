@@ -480,14 +480,19 @@ impl DescribedFile<'_> {
             }
         }
         let first_row = cells(lines[layout.first], layout.delimiter);
-        if let Some(at) = columns[Role::Cycle as usize].filter(|_| given.columns[Role::Cycle as usize].is_none())
-            && let Some(cell) =
-                first_row.get(at).filter(|cell| !cell.is_empty() && layout.decimal.number(cell).is_none())
-        {
-            columns[Role::Cycle as usize] = None;
-            let name = &header.names[at];
-            reasons
-                .push(format!("`{name}` is `{cell}` in the first row, which is no number of a cycle: it is not read"));
+        let is_inferred = given.columns[Role::Cycle as usize].is_none();
+        if let Some(at) = columns[Role::Cycle as usize].filter(|_| is_inferred) {
+            let cell = first_row.get(at).map_or("", |cell| cell.as_ref());
+            let is_constant = || self.rows().all(|row| row.get(at).is_none_or(|other| other == cell));
+            let why = match layout.decimal.number(cell) {
+                None if !cell.is_empty() => Some("in the first row, which is no number of a cycle"),
+                Some(_) if is_constant() => Some("in every row, and tells no cycles apart"),
+                _ => None,
+            };
+            if let Some(why) = why {
+                columns[Role::Cycle as usize] = None;
+                reasons.push(format!("`{}` is `{cell}` {why}: it is not read", header.names[at]));
+            }
         }
         let taken: Vec<usize> = columns.into_iter().flatten().chain(other_axes.iter().copied()).collect();
         let cell =
@@ -1596,6 +1601,28 @@ mod tests {
         let shifted = proposed("t [s]\tF [uN]\tx [um]\n\t0\t1\t0\n\t1\t1\t2\n\t2\t1\t3\n", &given).unwrap();
         assert_eq!(shifted.description.time.0, ColumnName::Number(2));
         assert_eq!((shifted.description.layout.header_line, shifted.position_m), (None, [0.0, 3e-6]));
+    }
+
+    #[test]
+    fn a_constant_column_of_cycles_is_not_read() {
+        let text = |cycles: [&str; 3]| {
+            let [a, b, c] = cycles;
+            format!("t [s],F [uN],x [um],C_1_Cycles[]\n0,1,0,{a}\n1,1,2,{b}\n2,1,3,{c}\n")
+        };
+        let given = TableSettings::default();
+        for cell in ["0.0", "1"] {
+            let found = proposed(&text([cell; 3]), &given).unwrap();
+            let said = format!("`C_1_Cycles[]` is `{cell}` in every row");
+            assert!(found.reasons.iter().any(|reason| reason.starts_with(&said)), "{:?}", found.reasons);
+            assert_eq!(found.description.cycle, None);
+        }
+        let read = proposed(&text(["1.0", "1.0", "2.0"]), &given).unwrap();
+        assert_eq!(read.description.cycle, Some(ColumnName::Named("C_1_Cycles[]".into())));
+        let refused = proposed(&text(["0", "1", "2"]), &given).unwrap_err();
+        assert!(refused.contains("`0` is not a cycle number"), "{refused}");
+        let columns = [None, None, None, Some("none".into())];
+        let without = proposed(&text(["0", "1", "2"]), &TableSettings { columns, ..given }).unwrap();
+        assert_eq!(without.description.cycle, None);
     }
 
     #[test]

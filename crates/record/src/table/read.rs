@@ -208,12 +208,13 @@ pub(crate) fn read_described(file: &Path, text: &str, description: &TableDescrip
         }
         let position_m = coordinates.first().copied().flatten().filter(|_| is_whole);
         let cycle = columns.cycle.as_ref().map(cell).transpose()?;
+        let cycle = cycle.map(|text| layout.number(text).map_or(text.into(), |number| Cow::Owned(number.to_string())));
         // A row without a force may have been left out before.
         if table != Some(of_line) {
             (table, _) = (Some(of_line), starts.push(trajectory.time_s.len()));
         }
         trajectory.note_line(file, index + 1)?;
-        trajectory.add(TableRow { time_s, force_n, position_m, cycle }, &at)?;
+        trajectory.add(TableRow { time_s, force_n, position_m, cycle: cycle.as_deref() }, &at)?;
     }
     if let (Some((_, track)), true) = (&description.track, trajectory.time_s.is_empty()) {
         let remedy = "give one of the table's tracks";

@@ -260,6 +260,9 @@ pub(super) struct KnownColumns<'a> {
     pub n_cells: usize,
 }
 
+/// Answer to the question for the column of cycles that tells that there is none.
+const NO_CYCLES: &str = "none";
+
 /// Columns of a table, for messages.
 pub(crate) fn listed_columns(names: &[String], n_cells: usize) -> String {
     if names.iter().all(String::is_empty) {
@@ -357,10 +360,13 @@ impl KnownColumns<'_> {
             return Ok(ColumnMatch::Axes(axes));
         }
         let setting = role.column_setting();
+        let header = self.header;
         if let Some(told) = &self.given.columns[role as usize] {
+            if role == Role::Cycle && told == NO_CYCLES && !header.names.contains(told) {
+                return Ok(ColumnMatch::Missing);
+            }
             return self.told(setting, told).map(ColumnMatch::Single);
         }
-        let header = self.header;
         // The time is the first role.
         let beside = match taken.first() {
             Some(time) => columns_beside(&header.names, *time),
