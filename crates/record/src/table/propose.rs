@@ -435,7 +435,7 @@ pub fn tracks(file: &Path, bytes: &[u8], given: &TableSettings) -> Result<Vec<St
     let all = tables_of(file, &lines)?;
     let tables = [&all[0]];
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
-    let seen = KnownColumns { file, given, header: described.header(), n_cells: all[0].layout.n_cells };
+    let seen = described.known_columns();
     let column = described.track_column(&seen, &[])?;
     Ok(column.map_or(Vec::new(), |at| described.tracks(at).into_iter().map(|(track, _)| track).collect()))
 }
@@ -455,6 +455,12 @@ impl DescribedFile<'_> {
         &self.tables[0].header
     }
 
+    fn known_columns(&self) -> KnownColumns<'_> {
+        let TableBlock { layout, n_empty, .. } = self.tables[0];
+        let n_filled = layout.n_cells - n_empty.min(&layout.n_cells);
+        KnownColumns { file: self.file, given: self.given, header: self.header(), n_cells: layout.n_cells, n_filled }
+    }
+
     /// Iterates over the rows that are read, each as its cells. Blank lines and comments are skipped.
     fn rows(&self) -> impl Iterator<Item = Vec<Cow<'_, str>>> {
         let lines = self.tables.iter().flat_map(|table| &self.lines[table.layout.first..table.end]);
@@ -465,7 +471,7 @@ impl DescribedFile<'_> {
     fn description(&self, reasons: &mut Vec<String>, ask: Ask<'_>) -> Result<TableDescription> {
         let Self { file, bytes, lines, given, tables, .. } = *self;
         let (header, layout) = (self.header(), &tables[0].layout);
-        let seen = KnownColumns { file, given, header, n_cells: layout.n_cells };
+        let seen = self.known_columns();
         let mut columns: [Option<usize>; 4] = [None; 4];
         let mut other_axes: Vec<usize> = Vec::new();
         let is_here = |role: &Role| *role != Role::Force || !given.force_is_elsewhere;
@@ -1623,6 +1629,24 @@ mod tests {
         let columns = [None, None, None, Some("none".into())];
         let without = proposed(&text(["0", "1", "2"]), &TableSettings { columns, ..given }).unwrap();
         assert_eq!(without.description.cycle, None);
+    }
+
+    #[test]
+    fn too_few_columns_are_told_how_to_be_named() {
+        let refused = |text: &str, given: &TableSettings| proposed(text, given).unwrap_err();
+        let given = TableSettings::default();
+        let timed = TableSettings { columns: [Some("1".into()), None, None, None], ..given.clone() };
+        for (text, given) in [("0.1,30\n0.2,20\n0.3,15\n", &given), ("0.1,30,\n0.2,20,\n0.3,15,\n", &timed)] {
+            let refused = refused(text, given);
+            assert!(refused.contains("2 columns without names") && refused.contains("`G(t) [Pa]`"), "{refused}");
+        }
+        let force = refused("t [s],F [uN]\n0,1\n1,1\n2,1\n", &given);
+        for words in ["no column is the position", "add a column of the position", "`G(t) [Pa]`"] {
+            assert!(force.contains(words), "{force}");
+        }
+        assert!(refused("t [s],x [um]\n0,1\n1,1\n2,1\n", &given).contains("`force_file`"));
+        // A question remains where a column is left.
+        assert!(refused("t [s],F [uN],A\n0,1,1\n1,1,1\n2,1,1\n", &given).contains("select it with `position NAME`"));
     }
 
     #[test]

@@ -258,6 +258,8 @@ pub(super) struct KnownColumns<'a> {
     pub given: &'a TableSettings,
     pub header: &'a Header,
     pub n_cells: usize,
+    /// Number of columns that hold values in any row.
+    pub n_filled: usize,
 }
 
 /// Answer to the question for the column of cycles that tells that there is none.
@@ -351,6 +353,31 @@ impl KnownColumns<'_> {
             .find(|other| free(other) && units.get(*other) == units.get(at))
     }
 
+    /// Error for a table with too few columns for time, force and position.
+    fn refuse_too_few_columns(&self, role: Role) -> Error {
+        let has_names = self.header.names.iter().any(|name| !name.is_empty());
+        let found = match has_names {
+            true => format!("no column is the {}; {}", role.name(), self.listed()),
+            false => format!(
+                "the table has {} columns without names, and a record has a time, a force and a position",
+                self.n_filled
+            ),
+        };
+        let add = match role {
+            Role::Force if has_names => {
+                format!("add a column of the force, or name the file that contains it with `{}`; ", Setting::ForceFile)
+            }
+            Role::Position if has_names => {
+                "add a column of the position, with a value in every row of a hold, too; ".into()
+            }
+            _ => String::new(),
+        };
+        let remedy = format!(
+            "{add}for a modulus or a compliance over time write a first line with names, as in `time [s]` and `G(t) [Pa]` or `J(t) [1/Pa]`"
+        );
+        Error::input(InputPlace::file(self.file), found, remedy)
+    }
+
     /// Finds the column of a role: the column that the user gives, otherwise the column with the best score, otherwise the user's answer to a
     /// question.
     pub fn column(&self, role: Role, taken: &[usize], ask: Ask<'_>) -> Result<ColumnMatch> {
@@ -420,6 +447,9 @@ impl KnownColumns<'_> {
             [] => format!("{}: no column name suggests a {}", self.file.display(), role.name()),
             _ => format!("{}: several columns may be the {}", self.file.display(), role.name()),
         };
+        if best.is_empty() && (self.n_filled < 3 || taken.len() == self.n_filled) && !self.given.force_is_elsewhere {
+            return Err(self.refuse_too_few_columns(role));
+        }
         // The user can choose among the remaining columns, which are listed by name or, without a name, by number.
         let left = (0..self.n_cells).filter(|at| !taken.contains(at));
         // Equal names are told by number.
