@@ -244,13 +244,13 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
     let mut reasons = Vec::new();
-    let mut tables = chosen_tables(file, &all, given, ask)?;
+    let mut tables = chosen_tables(file, &lines, &all, given, ask)?;
     if given.tables.is_none() && tables.len() > 1 {
         // Times and positions decide whether several tables form one recording.
         let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
         let description = described.description(&mut Vec::new(), ask)?;
         if let Some(why) = described.separation(&description)? {
-            tables = vec![ask_table(file, &all, why, ask)?];
+            tables = vec![ask_table(file, &lines, &all, why, ask)?];
         }
     }
     reasons.push(describe_layout(&tables, &lines));
@@ -1150,7 +1150,7 @@ pub fn choose_table(file: &Path, bytes: &[u8], ask: Ask<'_>) -> Result<usize> {
     let text = &*decode_detected(bytes);
     let lines: Vec<&str> = text.lines().collect();
     let all = tables_of(file, &lines)?;
-    let chosen = ask_table(file, &all, "they hold different tests", ask)?.lines();
+    let chosen = ask_table(file, &lines, &all, "they hold different tests", ask)?.lines();
     Ok(all.iter().position(|table| table.lines() == chosen).map_or(1, |place| place + 1))
 }
 

@@ -4,8 +4,13 @@ use std::path::Path;
 
 use super::asked::{Ask, Question, TableSettings};
 use super::blocks::{TableBlock, blocks, commented_rows};
-use super::text::comment_sign;
+use super::spelling::{ParsedUnit, clock_s};
+use super::text::{cells, comment_sign};
 use base::error::{Error, InputPlace, Result, Setting};
+use base::units::Dimension;
+
+/// Beginnings, in lower case, of lines that name a step of a test.
+const STEPS: [&str; 5] = ["step", "interval", "segment", "schritt", "abschnitt"];
 
 /// Returns the tables of a file's text; at least one.
 pub(super) fn tables_of(file: &Path, lines: &[&str]) -> Result<Vec<TableBlock>> {
@@ -59,6 +64,7 @@ fn listed(number: usize, table: &TableBlock, columns: &str) -> String {
 /// Returns the tables that the user chose. Without a choice these are all tables if their columns are equal; otherwise `ask` asks for one.
 pub(super) fn chosen_tables<'a>(
     file: &Path,
+    lines: &[&str],
     all: &'a [TableBlock],
     given: &TableSettings,
     ask: Ask<'_>,
@@ -67,7 +73,7 @@ pub(super) fn chosen_tables<'a>(
     let Some(said) = given.tables.as_deref() else {
         return match all[1..].iter().all(|other| has_columns_of(&all[0], other)) {
             true => Ok(all.iter().collect()),
-            false => Ok(vec![ask_table(file, all, "their columns differ", ask)?]),
+            false => Ok(vec![ask_table(file, lines, all, "their columns differ", ask)?]),
         };
     };
     let numbers =
@@ -106,9 +112,51 @@ fn has_columns_of(first: &TableBlock, other: &TableBlock) -> bool {
     is_bare || other.header.names == first.header.names && other.header.units == first.header.units
 }
 
+/// Times of a table, in the unit of their column. Without a unit of time they are those of the first column.
+fn times(lines: &[&str], table: &TableBlock) -> Vec<f64> {
+    let is_time = |unit: &Option<_>| unit.as_ref().is_some_and(|unit: &ParsedUnit| unit.dimension == Dimension::Time);
+    let at = table.header.units.iter().position(is_time).unwrap_or(0);
+    let rows = lines[table.layout.first..table.end].iter().map(|line| cells(line, table.layout.delimiter));
+    rows.filter_map(|row| row.get(at).and_then(|cell| table.layout.decimal.number(cell).or_else(|| clock_s(cell))))
+        .collect()
+}
+
+/// True if the times of a table ascend and begin behind those of an earlier one.
+fn continues(lines: &[&str], first: &TableBlock, other: &TableBlock) -> bool {
+    let [before, after] = [first, other].map(|table| times(lines, table));
+    let ascend = |times: &[f64]| times.windows(2).all(|pair| pair[0] <= pair[1]) && times.first() < times.last();
+    ascend(&before) && ascend(&after) && before.last() < after.first()
+}
+
+/// True if a line above the table, from index `from` on, names a step other than the first, as in `Interval: 2`.
+fn names_step(lines: &[&str], from: usize, table: &TableBlock) -> bool {
+    lines[from..table.header.line.unwrap_or(table.layout.first)].iter().any(|line| {
+        let line = line.trim_start_matches("sheet ").trim_start_matches(['[', '#', ' ', '"']).to_lowercase();
+        let mut numbers = line.split(|c: char| !c.is_ascii_digit()).filter_map(|number| number.parse::<u32>().ok());
+        STEPS.iter().any(|word| line.starts_with(word)) && numbers.next().is_none_or(|number| number > 1)
+    })
+}
+
+/// Numbers, from 1, of the first two successive tables with equal columns that may be parts of one test: the times go on, or the second table is named as a further step.
+fn parts_of_one_test(lines: &[&str], all: &[TableBlock]) -> Option<[usize; 2]> {
+    let mut pairs = (1..all.len()).map(|other| [other - 1, other]);
+    let are_parts = |[first, other]: &[usize; 2]| {
+        let pair = [&all[*first], &all[*other]];
+        let is_step = || names_step(lines, all[other - 1].end, pair[1]);
+        has_columns_of(pair[0], pair[1]) && (continues(lines, pair[0], pair[1]) || is_step())
+    };
+    pairs.find(are_parts).map(|pair| pair.map(|place| place + 1))
+}
+
 /// Asks the user to choose one of several tables that cannot be read as one recording. `why` is the reason that the error names if the user gives no
 /// answer.
-pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: Ask<'_>) -> Result<&'a TableBlock> {
+pub(super) fn ask_table<'a>(
+    file: &Path,
+    lines: &[&str],
+    all: &'a [TableBlock],
+    why: &str,
+    ask: Ask<'_>,
+) -> Result<&'a TableBlock> {
     let list: Vec<String> = list(all).collect();
     let question = Question {
         text: format!("which table ({})", list.join("; ")),
@@ -120,11 +168,8 @@ pub(super) fn ask_table<'a>(file: &Path, all: &'a [TableBlock], why: &str, ask: 
         Some(table) => Ok(table),
         None => {
             let setting = Setting::Tables;
-            let mut alike = (0..all.len()).flat_map(|first| (first + 1..all.len()).map(move |other| [first, other]));
-            let join = match alike.find(|[first, other]| has_columns_of(&all[*first], &all[*other])) {
-                Some([first, other]) => {
-                    format!(" join steps of one test, as in `{setting} {},{}`;", first + 1, other + 1)
-                }
+            let join = match parts_of_one_test(lines, all) {
+                Some([first, other]) => format!(" join steps of one test, as in `{setting} {first},{other}`;"),
                 None => String::new(),
             };
             Err(Error::input(
@@ -173,4 +218,39 @@ pub(super) fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<S
         sentences.push("the tables are joined in time, each with its own force".into());
     }
     sentences
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(above: &str, times: &[[u32; 4]]) -> String {
+        let table = |times: &[u32; 4]| times.map(|t| format!("{t},1,{}\n", 10 * t)).concat();
+        let above = |number: usize| above.replace('N', &number.to_string());
+        (1..)
+            .zip(times)
+            .map(|(number, times)| format!("{}\nt [s],F [uN],x [um]\n{}\n", above(number), table(times)))
+            .collect()
+    }
+
+    #[test]
+    fn only_parts_of_one_test_are_joined() {
+        let anew = [[0, 1, 2, 3]; 3];
+        for (above, times, pair) in [
+            ("gel N", anew, None),
+            ("Interval: 1", anew, None),
+            ("Interval: N", anew, Some([1, 2])),
+            ("sheet Step N", anew, Some([1, 2])),
+            ("[step]", anew, Some([1, 2])),
+            ("gel N", [[0, 1, 2, 3], [0, 1, 2, 3], [9, 10, 11, 12]], Some([2, 3])),
+            ("gel N", [[0, 1, 2, 3], [9, 4, 8, 2], [3, 1, 2, 8]], None),
+        ] {
+            let text = lines(above, &times);
+            let lines: Vec<&str> = text.lines().collect();
+            let all = tables_of(Path::new("t.csv"), &lines).unwrap();
+            assert_eq!(parts_of_one_test(&lines, &all), pair, "{above} {times:?}");
+            let refused = ask_table(Path::new("t.csv"), &lines, &all, "they differ", &mut |_| None).unwrap_err();
+            assert_eq!(refused.to_string().contains("join steps"), pair.is_some(), "{refused}");
+        }
+    }
 }
