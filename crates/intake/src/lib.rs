@@ -8,6 +8,7 @@ mod preamble;
 mod refusals;
 mod request;
 pub mod source;
+mod specimens;
 mod start;
 mod states;
 mod stress;
@@ -25,6 +26,7 @@ use self::refusals::{
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
+use self::specimens::{SpecimenNames, specimen_names};
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
 use self::states::refuse_labelled_states;
 use self::stress::{StressStrain, says_relaxation, strain_of_specimen};
@@ -300,16 +302,28 @@ fn each_table(
     out: &Path,
     ask: Ask<'_>,
 ) -> Result<InitSummary> {
-    let n_tables = inspect_tables(&source.place, &source.bytes)?.len();
-    let parts = (1..=n_tables).map(|number| {
-        // Tests of one specimen share its name.
-        let id = Some(request.id.clone().unwrap_or_else(|| source.stem()));
-        let known_columns = TableSettings { tables: Some(number.to_string()), ..request.known_columns.clone() };
+    let tables = inspect_tables(&source.place, &source.bytes)?;
+    let SpecimenNames { names, said } = specimen_names(&tables, &source.stem());
+    let parts = (1..).zip(names).map(|(number, name): (usize, String)| {
+        let id = Some(request.id.clone().unwrap_or(name));
+        let known_columns =
+            TableSettings { tables: Some(number.to_string()), takes_each_table: true, ..request.known_columns.clone() };
         let of_table = InitRequest { id, known_columns, ..request.clone() };
         (format!("table {number}"), one(&of_table, source, log, &out.join(number.to_string()), ask))
     });
-    of_parts(out, parts)?
-        .ok_or_else(|| Error::input(InputPlace::file(&source.place), "the file has no table", "give another file"))
+    let mut summary = of_parts(out, parts)?
+        .ok_or_else(|| Error::input(InputPlace::file(&source.place), "the file has no table", "give another file"))?;
+    if tables.len() > 1 {
+        let shown = summary.experiments.first().and_then(|first| Path::new(first).file_name());
+        let shown = shown.map_or(String::new(), |number| number.to_string_lossy().into_owned());
+        let of_tables = format!(
+            "each of the {} tables is an experiment; rows and columns are those of table {shown}",
+            tables.len()
+        );
+        let of_specimens = request.id.is_none().then_some(said);
+        summary.reasons.splice(..0, std::iter::once(of_tables).chain(of_specimens));
+    }
+    Ok(summary)
 }
 
 /// Experiments of the parts of a file, each with its name. Parts that cannot be read are named with the reason, unless none can. `None` without parts.

@@ -17,6 +17,8 @@ pub struct TableSettings {
     pub sweep_units: [Option<String>; 2],
     /// Tables to read from a file that contains several, such as `1,2` or `all`.
     pub tables: Option<String>,
+    /// True if every table of the file becomes an experiment of its own.
+    pub takes_each_table: bool,
     /// Column that names a tracker's tracks (moving bodies), and the track to read.
     pub track: [Option<String>; 2],
     /// Rule for an empty force cell: `above` (force of the row above) or `zero`.

@@ -255,7 +255,9 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     }
     reasons.push(describe_layout(&tables, &lines));
     reasons.extend(describe_left_out(&lines, &tables));
-    reasons.extend(describe_tables(&all, &tables));
+    if !given.takes_each_table {
+        reasons.extend(describe_tables(&all, &tables));
+    }
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
     let mut trajectory = described.completed(&mut description, &mut reasons)?;

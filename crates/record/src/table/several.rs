@@ -203,17 +203,27 @@ pub(super) fn describe_left_out(lines: &[&str], read: &[&TableBlock]) -> Vec<Str
     sentences
 }
 
-/// Returns sentences that tell for each table of a file whether it is read; empty for a single table.
+/// Largest number of tables beside those that are read that are listed.
+const MOST_LISTED: usize = 3;
+
+/// Returns sentences that tell for each table of a file whether it is read; empty for a single table. Many tables that are not read are counted.
 pub(super) fn describe_tables(all: &[TableBlock], read: &[&TableBlock]) -> Vec<String> {
     if all.len() == 1 {
         return Vec::new();
     }
     let is_read = |table: &TableBlock| read.iter().any(|other| other.lines() == table.lines());
-    let said = |(text, table): (String, &TableBlock)| {
-        let how = if is_read(table) { "read" } else { "not read" };
-        format!("{text}: {how}")
+    let n_others = all.iter().filter(|table| !is_read(table)).count();
+    let said = |(text, table): (String, &TableBlock)| match is_read(table) {
+        true => Some(format!("{text}: read")),
+        false => (n_others <= MOST_LISTED).then(|| format!("{text}: not read")),
     };
-    let mut sentences: Vec<String> = list(all).zip(all).map(said).collect();
+    let mut sentences: Vec<String> = list(all).zip(all).filter_map(said).collect();
+    if let Some(place) = all.iter().position(is_read).filter(|_| n_others > MOST_LISTED) {
+        sentences[0] = format!("{}: read", listed_table(place + 1, &all[place]));
+    }
+    if n_others > MOST_LISTED {
+        sentences.push(format!("the other {n_others} tables: not read"));
+    }
     if read.len() > 1 {
         sentences.push("the tables are joined in time, each with its own force".into());
     }
@@ -252,5 +262,21 @@ mod tests {
             let refused = ask_table(Path::new("t.csv"), &lines, &all, "they differ", &mut |_| None).unwrap_err();
             assert_eq!(refused.to_string().contains("join steps"), pair.is_some(), "{refused}");
         }
+    }
+
+    #[test]
+    fn tables_that_are_not_read_are_listed_or_counted() {
+        let text = lines("gel N", &[[0, 1, 2, 3]; 6]);
+        let lines: Vec<&str> = text.lines().collect();
+        let all = tables_of(Path::new("t.csv"), &lines).unwrap();
+        assert_eq!(
+            describe_tables(&all, &[&all[1]]),
+            [
+                "table 2 \"gel 2\": lines 10 to 13, 4 rows of t [s], F [uN], x [um]: read",
+                "the other 5 tables: not read"
+            ]
+        );
+        let few = describe_tables(&all[..3], &[&all[0]]);
+        assert_eq!((few.len(), few[2].ends_with("lines 17 to 20, 4 rows of the same columns: not read")), (3, true));
     }
 }
