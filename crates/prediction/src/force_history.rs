@@ -5,7 +5,7 @@ use std::path::Path;
 use base::error::{Error, InputPlace, Result};
 use base::files::{self, Content};
 use base::toml_input::TomlTable;
-use record::table::decode_detected;
+use record::table::{Decimal, Delimiter, cells, decode_detected};
 use record::{ForceRule, Record};
 
 /// Number of evenly spaced rows of a prediction, besides the changes of the force.
@@ -25,6 +25,8 @@ const LARGEST_N: f64 = 1e3;
 const UN_PER_N: f64 = 1e6;
 /// Headers of a table of the force. `plan` writes the second one for a given magnetic moment; the gradient is not read.
 const HEADERS: [&str; 2] = ["time_s,force_un", "time_s,force_un,gradient_t_per_m"];
+/// Characters that may separate the cells of such a table.
+const DELIMITERS: [Delimiter; 3] = [Delimiter::Comma, Delimiter::Semicolon, Delimiter::Tab];
 /// Example of a force in a scenario, for errors.
 const EXAMPLE: &str = "force = { steps_un = [[0, 20], [5, 0]] }";
 
@@ -90,34 +92,46 @@ impl ForceHistory {
         }
     }
 
-    /// Reads a table of time in s and force in µN with the header `time_s,force_un`. Each value holds until the next row.
+    /// Reads a table of time in s and force in µN with the header `time_s,force_un`. Each value holds until the next row. Semicolons or tabs may separate the cells;
+    /// numbers may then have decimal commas.
     ///
     /// # Errors
-    /// [`Error::Input`] with the line if a cell is not a number or the times do not ascend.
+    /// [`Error::Input`] with the line if a row has other cells than the header, a cell is not a number or the times do not ascend.
     pub fn from_file(path: &Path) -> Result<Self> {
         let bytes = files::read(path, Content::Table, "check the path of the force's table")?;
         let text = decode_detected(&bytes);
-        let refuse = |line: usize, found: String| {
-            let remedy = "write the header `time_s,force_un`, then one row for each change of the force (µN), in the order of time (s)";
+        let refuse = |line: usize, found: String, remedy: &str| {
             Err(Error::input(InputPlace::file(path).at_line(line), found, remedy))
         };
-        let mut steps: Vec<[f64; 2]> = Vec::new();
+        let remedy = "write the header `time_s,force_un`, then one row for each change of the force (µN), in the order of time (s)";
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
-        match lines.next() {
-            Some((_, header)) if HEADERS.contains(&header.trim().replace("uN", "un").as_str()) => {}
-            header => return refuse(1, format!("the header is `{}`", header.map_or("", |(_, line)| line.trim()))),
-        }
-        for (index, line) in lines {
-            let cells: Vec<Option<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
-            let [Some(time_s), Some(un), ..] = cells[..] else {
-                return refuse(index + 1, format!("`{}` is not a time and a force", line.trim()));
+        let header = lines.next().map_or("", |(_, line)| line.trim());
+        let is_header =
+            |delimiter: &Delimiter| HEADERS.contains(&cells(header, *delimiter).join(",").replace("uN", "un").as_str());
+        let Some(delimiter) = DELIMITERS.into_iter().find(is_header) else {
+            return refuse(1, format!("the header is `{header}`"), remedy);
+        };
+        let n_cells = cells(header, delimiter).len();
+        let rows: Vec<(usize, &str)> = lines.collect();
+        let has_commas = delimiter != Delimiter::Comma && rows.iter().any(|(_, line)| line.contains(','));
+        let decimal = if has_commas { Decimal::Comma } else { Decimal::Point };
+        let mut steps: Vec<[f64; 2]> = Vec::new();
+        for (index, line) in rows {
+            let row = cells(line, delimiter);
+            if row.len() != n_cells {
+                let found = format!("`{}` has {} cells, and the header has {n_cells}", line.trim(), row.len());
+                let remedy = "give every row the cells of the header, with decimal points; for decimal commas, separate the cells by `;`";
+                return refuse(index + 1, found, remedy);
+            }
+            let (Some(time_s), Some(un)) = (decimal.number(&row[0]), decimal.number(&row[1])) else {
+                return refuse(index + 1, format!("`{}` is not a time and a force", line.trim()), remedy);
             };
             steps.push([time_s, un / UN_PER_N]);
             if let Some(fault) = fault(&steps) {
-                return refuse(index + 1, fault);
+                return refuse(index + 1, fault, remedy);
             }
         }
-        if steps.is_empty() { refuse(2, "the table has no rows".into()) } else { Ok(Self::Steps(steps)) }
+        if steps.is_empty() { refuse(2, "the table has no rows".into(), remedy) } else { Ok(Self::Steps(steps)) }
     }
 
     /// Time of the last value, in s; 0 for a ramp or sine.
@@ -261,5 +275,27 @@ mod tests {
         );
         std::fs::write(&path, "time_s,force_un\n0,20\nx,0\n").expect("a file");
         assert!(ForceHistory::from_file(&path).expect_err("a refusal").to_string().contains("line 3"));
+    }
+
+    /// Decimal commas are read between semicolons. Between commas they would be cells of their own: `0,5,4,6` is neither 0 s and 5 µN nor 0.5 s and 4.6 µN.
+    #[test]
+    fn decimal_commas_are_read_or_refused() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let read = |text: &str| {
+            let path = dir.path().join("force.csv");
+            std::fs::write(&path, text).expect("a file");
+            ForceHistory::from_file(&path)
+        };
+        let refusal = |text: &str| read(text).expect_err("a refusal").to_string();
+        let found = refusal("time_s,force_un\n0,0\n0,5,4,6\n");
+        assert!(found.contains("line 3") && found.contains("`0,5,4,6` has 4 cells, and the header has 2"), "{found}");
+        assert!(found.contains("decimal commas"), "{found}");
+        assert!(refusal("time_s,force_un,gradient_t_per_m\n0,5\n").contains("has 2 cells, and the header has 3"));
+        let expected = ForceHistory::Steps(vec![[0.5, 4.6 / UN_PER_N], [2.0, 0.0]]);
+        assert_eq!(read("time_s;force_un\n0,5;4,6\n2;0\n").expect("a force"), expected);
+        assert_eq!(read("time_s;force_un\n0.5;4.6\n2;0\n").expect("a force"), expected);
+        assert_eq!(read("time_s\tforce_un\n0.5\t4.6\n2\t0\n").expect("a force"), expected);
+        // One table has one decimal sign.
+        assert!(refusal("time_s;force_un\n0.5;4,6\n").contains("line 2"));
     }
 }
