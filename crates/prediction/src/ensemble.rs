@@ -21,6 +21,7 @@ use std::sync::Arc;
 
 use crate::body;
 use crate::force_times::{fastest_change_s, longest_hold_s};
+use crate::free_path::beyond_the_gel;
 use crate::scenario::{Scenario, Tolerances};
 use crate::tolerance::Tolerance;
 
@@ -492,7 +493,9 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
             advice: "read the bands as this much wider".into(),
         });
     }
-    warnings.extend(beyond_the_gel(ensemble, &each_m));
+    if let Apparatus::Robot { robot, vitreous } = &ensemble.problem().experiment.apparatus {
+        warnings.extend(beyond_the_gel((robot, vitreous), &each_m, 1.0 - FARTHEST_QUANTILE));
+    }
     if gel.is_taught {
         warnings.extend(extrapolations(gel.problem, ensemble, farthest_m));
         warnings.extend(other_poisson_ratio(gel.problem, ensemble.problem()));
@@ -523,27 +526,6 @@ pub fn warnings(gel: &Gel<'_>, ensemble: &Ensemble, trajectories_m: &[Vec<f64>])
         });
     }
     warnings
-}
-
-/// Warning about a robot that would leave the gel. `each_m` holds the largest displacement (m) of every draw, in ascending order.
-fn beyond_the_gel(ensemble: &Ensemble, each_m: &[f64]) -> Option<Warning> {
-    let Apparatus::Robot { robot, vitreous } = &ensemble.problem().experiment.apparatus else { return None };
-    let free_m = 0.5 * vitreous.diameter_m - robot.farthest_point_m();
-    let n_beyond = each_m.len() - each_m.partition_point(|x| *x <= free_m);
-    let share = n_beyond as f64 / each_m.len() as f64;
-    (n_beyond > 0).then(|| Warning {
-        kind: if share > 1.0 - FARTHEST_QUANTILE {
-            WarningKind::ImpossiblePositions
-        } else {
-            WarningKind::Extrapolation
-        },
-        text: format!(
-            "in {} % of the draws the robot moves beyond the gel's outer surface, which is {} µm away",
-            format_significant(100.0 * share, 2),
-            format_significant(1e6 * free_m, 4)
-        ),
-        advice: "give a smaller force or a shorter time".into(),
-    })
 }
 
 /// Warning about a Poisson ratio other than that with which the law was inferred.

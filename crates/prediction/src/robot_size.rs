@@ -8,6 +8,7 @@ use record::Robot;
 
 use crate::body;
 use crate::ensemble::{Ensemble, Gel};
+use crate::free_path::free_path_m;
 use crate::plan::{Target, best_factor, halves};
 use crate::scenario::{Scenario, aspect, diameter_m, resized, slenderer};
 
@@ -156,6 +157,9 @@ fn sized_from(
     let ranges: Vec<[f64; 2]> = trajectories_m.iter().map(range).collect();
     let is_met_with = |factor: f64, limits_strain: bool| {
         let robot = size.applied(&scenario.robot, factor);
+        if target.reach_m.abs() >= free_path_m(&robot, &scenario.vitreous) {
+            return false;
+        }
         let Some((compliance_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) else { return false };
         let times = compliance_per_m / reference_per_m * size.largest_force_n(&robot, target) / force_n;
         // Strain per displacement falls with the size of the body.

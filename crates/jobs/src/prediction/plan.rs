@@ -11,6 +11,7 @@ use figures::svg::{figure_files, remove_figure};
 use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
 use prediction::ensemble::{Ensemble, Gel};
+use prediction::free_path::free_path_m;
 use prediction::plan::{PlannedForce, RobotComparison, Target, plan};
 use prediction::quantity::{Quantity, percent, plain};
 use prediction::robot_size::{self, RobotSize};
@@ -52,7 +53,7 @@ pub struct PlanRequest {
 pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -> Result<Outcome<Plan>> {
     let mut target = request.target;
     let mut scenarios = place.scenarios(request.scenario.as_deref())?;
-    refuse_outside(&scenarios, &target)?;
+    refuse_outside(&scenarios, &target, request.size)?;
     if target.largest_force_n == 0.0 && !matches!(request.size, Some(RobotSize::SmallestMagnet { .. })) {
         let GelPlace::Study(study) = place else { return Err(without_force()) };
         if study.experiment.control == Control::Position {
@@ -161,17 +162,21 @@ fn without_force() -> Error {
     )
 }
 
-/// Refuses a target outside the gel.
-fn refuse_outside(scenarios: &[Scenario], target: &Target) -> Result<()> {
-    match scenarios.iter().find(|scenario| target.reach_m.abs() >= 0.5 * scenario.vitreous.diameter_m) {
+/// Refuses a target at which a robot would touch the outer surface of the gel. A searched size has no robot yet: its centre must stay inside.
+fn refuse_outside(scenarios: &[Scenario], target: &Target, size: Option<RobotSize>) -> Result<()> {
+    let free_m = |scenario: &Scenario| match size {
+        None => free_path_m(&scenario.robot, &scenario.vitreous),
+        Some(_) => 0.5 * scenario.vitreous.diameter_m,
+    };
+    match scenarios.iter().find(|scenario| target.reach_m.abs() >= free_m(scenario)) {
         None => Ok(()),
         Some(scenario) => Err(Error::input(
             InputPlace::default().at_key("reach"),
             format!(
-                "a target at {} mm lies outside the gel of {}, whose diameter is {} mm",
+                "the target at {} mm lies outside the gel of {}, whose outer surface the robot touches after {} mm",
                 plain(1e3 * target.reach_m),
                 scenario.name,
-                plain(1e3 * scenario.vitreous.diameter_m)
+                format_significant(1e3 * free_m(scenario), 4)
             ),
             "give a distance in mm that is far smaller than the gel",
         )),
@@ -379,4 +384,39 @@ fn protocol(steps: &[ForceStep], end_s: f64, moment_a_m2: Option<f64>) -> String
         text += &format!("{},{}{gradient}\n", digits(time_s), digits(force_un));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::{Robot, RobotShape, Vitreous};
+
+    fn target(reach_m: f64) -> Target {
+        Target {
+            reach_m,
+            within_s: 3.0,
+            probability: 0.95,
+            largest_force_n: 1e-3,
+            slew_n_per_s: None,
+            largest_strain: None,
+            rest: None,
+        }
+    }
+
+    /// A bead of 0.55 mm in a gel of 20 mm touches the outer surface after 9.725 mm in both directions.
+    #[test]
+    fn a_target_inside_the_outer_surface_is_refused() {
+        let shape = RobotShape::Sphere { diameter_m: 0.55e-3 };
+        let vitreous = Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: None };
+        let bead = Scenario::of_robot("own robot", Robot { shape, density_kg_m3: None, offset: None }, vitreous);
+        let refused = |reach_m: f64, size| refuse_outside(std::slice::from_ref(&bead), &target(reach_m), size);
+        assert!([9.72e-3, -9.72e-3].into_iter().all(|reach_m| refused(reach_m, None).is_ok()));
+        for reach_m in [9.73e-3, -9.73e-3] {
+            let found = refused(reach_m, None).expect_err("a refusal").to_string();
+            assert!(found.contains("the robot touches after 9.725 mm"), "{found}");
+        }
+        // A smaller robot may reach the target.
+        assert!(refused(9.73e-3, Some(RobotSize::Largest)).is_ok());
+        assert!(refused(10.0e-3, Some(RobotSize::Largest)).is_err());
+    }
 }
