@@ -31,10 +31,10 @@ use record::{Control, Experiment, Record};
 pub use self::before::{Unmeasured, run_before_measurement};
 use self::decision::AskedQuantity;
 use self::files::DesignFiles;
-use self::request::limits;
+use self::request::{free_distance_m, limits};
 pub use self::request::{DesignGoal, DesignRequest};
 use self::sequence::{Class, FittedModel, Later, class, judge_later, keep_possible, models, read_later, standings};
-use self::words::{sentence, stop_sentence, with_detection, with_quantity};
+use self::words::{at_the_outer_surface, sentence, stop_sentence, with_detection, with_quantity};
 use crate::artefacts;
 use crate::first_revision::kept_surrogate;
 use crate::outcome::Outcome;
@@ -52,6 +52,8 @@ const CHANGES: [(&str, [f64; 3]); 5] = [
     ("duration", [1.0, 10.0, 1.0]),
 ];
 
+/// Share of the displacement limit from which an expected motion reaches it.
+const NEAR_LIMIT: f64 = 0.95;
 /// Distance over its limit from which a gel counts as leaving it.
 const CLEARLY_BEYOND: f64 = 1.1;
 
@@ -193,6 +195,9 @@ fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Res
         None => recommended,
     };
     let uncertainties = recommended.parameters.iter().map(|parameter| [parameter.sd_now, parameter.sd_expected]);
+    let free_m = free_distance_m(subject.experiment());
+    let expected_m = designer.expected_m(&best)?;
+    let is_reached = expected_m.iter().any(|x| x.abs() >= NEAR_LIMIT * limits.largest_position_m);
     let has_gains = subject.problem().noise.names().contains(&"gain");
     let stop = known.decided.or_else(|| match (goal, &quantity) {
         (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties, has_gains),
@@ -202,7 +207,8 @@ fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Res
         _ => None,
     });
     let mut warnings = known.warnings;
-    warnings.extend(moves_too_far(&designer.farthest_m(&best, seed)?, &limits));
+    warnings.extend(at_the_outer_surface(request.largest_position_m, free_m, &limits, is_reached));
+    warnings.extend(moves_too_far(&designer.farthest_m(&best, seed)?, &limits, free_m));
     let found = Design {
         experiment: subject.experiment().specimen_id.clone(),
         revision,
@@ -224,7 +230,7 @@ fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Res
         warnings,
     };
     monitor.stage("writing results and figures");
-    let figure = figure(&designer.expected_m(&best)?, subject.reference_noise_m(), &best.record, &found)?;
+    let figure = figure(&expected_m, subject.reference_noise_m(), &best.record, &found)?;
     let document = WithProvenance { provenance, body: found };
     let written = files.write(&document, &figure, &best, &front, (subject.experiment(), holds_out))?;
     Ok(Outcome { is_sound: document.body.is_sound(), document, written, study })
@@ -337,7 +343,8 @@ fn recommended(
 }
 
 /// Warning if the robot leaves the limit for many gels that the present knowledge allows. `farthest_m` are the largest distances for draws of the parameters, in ascending order.
-fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits) -> Option<Warning> {
+/// `free_m` is the distance after which the robot touches the outer surface of the gel.
+fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits, free_m: Option<f64>) -> Option<Warning> {
     let beyond =
         farthest_m.iter().filter(|distance_m| **distance_m > CLEARLY_BEYOND * limits.largest_position_m).count();
     let n = farthest_m.len();
@@ -345,12 +352,19 @@ fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits) -> Option<Warning> {
         return None;
     }
     let um = |metres: f64| format_significant(1e6 * metres, 3);
+    let exceeded_m = farthest_m[n - 1 - n / 20];
+    let beyond_surface = match free_m.filter(|free_m| exceeded_m > *free_m) {
+        Some(free_m) => {
+            format!(", beyond the gel's outer surface, which the robot touches after {} µm", format_significant(1e6 * free_m, 4))
+        }
+        None => String::new(),
+    };
     Some(Warning {
         kind: WarningKind::Extrapolation,
         text: format!(
-            "the limit of {} µm is kept in the middle of what is known. Of {n} gels drawn from what is known, {beyond} exceed it by more than 10 %. One in twenty exceeds {} µm",
+            "the limit of {} µm is kept in the middle of what is known. Of {n} gels drawn from what is known, {beyond} exceed it by more than 10 %. One in twenty exceeds {} µm{beyond_surface}",
             um(limits.largest_position_m),
-            um(farthest_m[n - 1 - n / 20])
+            um(exceeded_m)
         ),
         advice: "lower the limit, or record a short protocol first and design the next one from its posterior".into(),
     })
@@ -472,4 +486,31 @@ fn figure(position_m: &[f64], noise_m: f64, record: &Record, found: &Design) -> 
         warnings: Vec::new(),
     };
     figures::prediction::prediction("Protocol of the next record", &found.recommended.sentence, &[expected], None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use criticism::protocol::ForceDirections;
+
+    /// Two of twenty gels exceed the limit, and one in twenty reaches 23.1 mm, which is beyond the outer surface at 9.725 mm.
+    #[test]
+    fn gels_that_leave_the_limit_are_told_with_the_outer_surface() {
+        let limits = DesignLimits {
+            largest_force_n: 4.6e-6,
+            duration_s: 40.0,
+            interval_s: 0.05,
+            shortest_hold_s: 0.2,
+            largest_position_m: 1e-3,
+            directions: ForceDirections::Both,
+        };
+        let mut farthest_m = vec![0.9e-3; 18];
+        farthest_m.extend([23.1e-3, 30e-3]);
+        let text = |free_m| moves_too_far(&farthest_m, &limits, free_m).expect("a warning").text;
+        let beyond = text(Some(9.725e-3));
+        let expected = "One in twenty exceeds 23100 µm, beyond the gel's outer surface, which the robot touches after";
+        assert!(beyond.contains(expected), "{beyond}");
+        assert!([text(None), text(Some(40e-3))].iter().all(|text| text.ends_with("One in twenty exceeds 23100 µm")));
+        assert_eq!(moves_too_far(&[0.9e-3; 20], &limits, Some(9.725e-3)), None);
+    }
 }

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use base::error::{Error, InputPlace, Result};
 use criticism::protocol::{DesignLimits, ForceDirections};
 use figures::number::format_significant;
-use record::Experiment;
+use prediction::free_path::free_path_m;
+use record::{Apparatus, Experiment};
 use sampling::SamplerOptions;
 
 /// Purpose of a design.
@@ -47,7 +48,7 @@ pub struct DesignRequest {
     pub interval_s: Option<f64>,
     /// Shortest time for which a force is held, in s.
     pub shortest_hold_s: Option<f64>,
-    /// Largest distance from the start, in m.
+    /// Largest distance from the start, in m. The robot's distance from the outer surface of the gel bounds it.
     pub largest_position_m: Option<f64>,
     /// True to allow both directions of the force even if the present record has one.
     pub both_directions: bool,
@@ -57,7 +58,15 @@ pub struct DesignRequest {
     pub sampler: SamplerOptions,
 }
 
-/// Limits of the new record: those of the present one where the request gives none.
+/// Distance in m after which the robot touches the outer surface of the gel; `None` for an instrument.
+pub fn free_distance_m(experiment: &Experiment) -> Option<f64> {
+    match &experiment.apparatus {
+        Apparatus::Robot { robot, vitreous } => Some(free_path_m(robot, vitreous)),
+        _ => None,
+    }
+}
+
+/// Limits of the new record: those of the present one where the request gives none. No displacement limit is beyond the outer surface of the gel.
 pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest) -> Result<DesignLimits> {
     let interval_s = request.interval_s.or(experiment.record.median_interval_s()).unwrap_or(0.0);
     let scales = experiment.scales();
@@ -84,6 +93,7 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
         ));
     }
     let largest_position_m = request.largest_position_m.unwrap_or(BEYOND * farthest_m);
+    let largest_position_m = free_distance_m(experiment).map_or(largest_position_m, |m| m.min(largest_position_m));
     let has = |is_direction: fn(&f64) -> bool| experiment.record.force_n.iter().any(is_direction);
     let directions = match (has(|force_n| *force_n > 0.0), has(|force_n| *force_n < 0.0)) {
         (true, false) if !request.both_directions => ForceDirections::Positive,
@@ -99,3 +109,33 @@ pub fn limits(experiment: &Experiment, farthest_m: f64, request: &DesignRequest)
 const BEYOND: f64 = 1.05;
 /// Largest number of rows of a designed record of the recommended duration.
 const MOST_ROWS: f64 = 10_000.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use posterior::replica;
+
+    /// The replica's bead of 0.55 mm touches the outer surface of its gel of 20 mm after 9.725 mm.
+    #[test]
+    fn no_displacement_limit_is_beyond_the_outer_surface() {
+        let (experiment, _) = replica::embedded().expect("the replica");
+        let largest_m = |largest_position_m: Option<f64>, farthest_m: f64| {
+            let request = DesignRequest {
+                goal: None,
+                scenario: None,
+                budget_s: None,
+                largest_force_n: None,
+                interval_s: None,
+                shortest_hold_s: None,
+                largest_position_m,
+                both_directions: false,
+                after: Vec::new(),
+                sampler: SamplerOptions::default(),
+            };
+            limits(&experiment, farthest_m, &request).expect("limits").largest_position_m
+        };
+        assert!((largest_m(Some(0.1), 1e-3) - 9.725e-3).abs() < 1e-12);
+        assert!((largest_m(None, 12e-3) - 9.725e-3).abs() < 1e-12);
+        assert_eq!([largest_m(Some(2e-3), 1e-3), largest_m(None, 1e-3)], [2e-3, BEYOND * 1e-3]);
+    }
+}

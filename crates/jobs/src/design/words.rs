@@ -3,6 +3,7 @@
 use criticism::protocol::DesignLimits;
 use criticism::protocol::design::{DesignedProtocol, N_REPEATS, separates};
 use documents::design::{DesignedDetection, DesignedParameter, DesignedQuantity};
+use documents::posterior::{Warning, WarningKind};
 use figures::labels::parameter_label;
 use figures::number::format_significant;
 
@@ -100,4 +101,57 @@ pub fn sentence(
         );
     }
     text
+}
+
+/// Warning about a displacement limit at the outer surface of the gel; `None` for other limits. `asked_m` is the limit that the user gave, `free_m` the distance after which
+/// the robot touches the surface, and `is_reached` tells whether the recommended protocol moves the robot up to its limit.
+pub fn at_the_outer_surface(
+    asked_m: Option<f64>,
+    free_m: Option<f64>,
+    limits: &DesignLimits,
+    is_reached: bool,
+) -> Option<Warning> {
+    let free_m = free_m.filter(|free_m| limits.largest_position_m >= *free_m)?;
+    let um = |metres: f64| format_significant(1e6 * metres, 4);
+    let asked = asked_m.filter(|asked_m| *asked_m > free_m);
+    let asked = asked.map_or(String::new(), |m| format!("; the limit of {} µm that was given lies beyond it", um(m)));
+    let binds = if is_reached { ". It limits the force of the recommended protocol" } else { "" };
+    Some(Warning {
+        kind: WarningKind::Extrapolation,
+        text: format!(
+            "the displacement limit is {} µm, where the robot touches the gel's outer surface{asked}{binds}",
+            um(free_m)
+        ),
+        advice: "give a displacement limit far below it: near the outer surface the gel is stiffer than the model".into(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use criticism::protocol::ForceDirections;
+
+    fn limits(largest_position_m: f64) -> DesignLimits {
+        DesignLimits {
+            largest_force_n: 4.6e-6,
+            duration_s: 40.0,
+            interval_s: 0.05,
+            shortest_hold_s: 0.2,
+            largest_position_m,
+            directions: ForceDirections::Both,
+        }
+    }
+
+    #[test]
+    fn a_limit_at_the_outer_surface_is_named() {
+        let free_m = Some(9.725e-3);
+        let found = at_the_outer_surface(Some(0.1), free_m, &limits(9.725e-3), true).expect("a warning").text;
+        assert!(found.contains("9725 µm, where the robot touches the gel's outer surface"), "{found}");
+        assert!(found.contains("the limit of 100000 µm that was given lies beyond it"), "{found}");
+        assert!(found.contains("limits the force of the recommended protocol"), "{found}");
+        let of_record = at_the_outer_surface(None, free_m, &limits(9.725e-3), false).expect("a warning").text;
+        assert!(!of_record.contains("given") && !of_record.contains("limits the force"), "{of_record}");
+        assert_eq!(at_the_outer_surface(Some(2e-3), free_m, &limits(2e-3), true), None);
+        assert_eq!(at_the_outer_surface(Some(0.1), None, &limits(0.1), true), None);
+    }
 }
