@@ -31,10 +31,10 @@ use record::{Control, Experiment, Record};
 pub use self::before::{Unmeasured, run_before_measurement};
 use self::decision::AskedQuantity;
 use self::files::DesignFiles;
-use self::request::{free_distance_m, limits};
 pub use self::request::{DesignGoal, DesignRequest};
+use self::request::{free_distance_m, limits};
 use self::sequence::{Class, FittedModel, Later, class, judge_later, keep_possible, models, read_later, standings};
-use self::words::{at_the_outer_surface, sentence, stop_sentence, with_detection, with_quantity};
+use self::words::{BindingLimit, at_the_outer_surface, sentence, stop_sentence, with_detection, with_quantity};
 use crate::artefacts;
 use crate::first_revision::kept_surrogate;
 use crate::outcome::Outcome;
@@ -198,11 +198,16 @@ fn designed(known: Known, request: &DesignRequest, monitor: &dyn Monitor) -> Res
     let free_m = free_distance_m(subject.experiment());
     let expected_m = designer.expected_m(&best)?;
     let is_reached = expected_m.iter().any(|x| x.abs() >= NEAR_LIMIT * limits.largest_position_m);
-    let has_gains = subject.problem().noise.names().contains(&"gain");
+    let binding = match free_m.is_some_and(|free_m| limits.largest_position_m >= free_m) {
+        _ if subject.declares_gains() => BindingLimit::Gain,
+        true if is_reached => BindingLimit::OuterSurface,
+        false if is_reached => BindingLimit::Displacement,
+        _ => BindingLimit::Other,
+    };
     let stop = known.decided.or_else(|| match (goal, &quantity) {
-        (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties, has_gains),
+        (DesignGoal::Parameters, _) => stop_sentence(&limits, uncertainties, binding),
         (_, Some(quantity)) => {
-            stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected]), has_gains)
+            stop_sentence(&limits, std::iter::once([quantity.sd_now, quantity.sd_expected]), binding)
         }
         _ => None,
     });
@@ -355,7 +360,10 @@ fn moves_too_far(farthest_m: &[f64], limits: &DesignLimits, free_m: Option<f64>)
     let exceeded_m = farthest_m[n - 1 - n / 20];
     let beyond_surface = match free_m.filter(|free_m| exceeded_m > *free_m) {
         Some(free_m) => {
-            format!(", beyond the gel's outer surface, which the robot touches after {} µm", format_significant(1e6 * free_m, 4))
+            format!(
+                ", beyond the gel's outer surface, which the robot touches after {} µm",
+                format_significant(1e6 * free_m, 4)
+            )
         }
         None => String::new(),
     };

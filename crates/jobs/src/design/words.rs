@@ -6,19 +6,44 @@ use documents::design::{DesignedDetection, DesignedParameter, DesignedQuantity};
 use documents::posterior::{Warning, WarningKind};
 use figures::labels::parameter_label;
 use figures::number::format_significant;
+use prediction::quantity::plain;
 
 /// Ratio of the expected and the present standard deviation above which a record does not pay.
 const LITTLE_LEARNT: f64 = 0.9;
 
-/// Reason to stop if a record would lower no standard deviation by more than 10 %. `sd` are the present and the expected ones; `has_gains` tells whether each cycle has a gain of
-/// its own.
-pub fn stop_sentence(limits: &DesignLimits, mut sd: impl Iterator<Item = [f64; 2]>, has_gains: bool) -> Option<String> {
+/// Cause that keeps another record from teaching more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BindingLimit {
+    /// A gain of each cycle, as a term of the noise.
+    Gain,
+    /// The distance of the robot from the outer surface of the gel.
+    OuterSurface,
+    /// The displacement limit.
+    Displacement,
+    /// Force, duration and number of samples.
+    Other,
+}
+
+/// Reason to stop if a record would lower no standard deviation by more than 10 %. `sd` are the present and the expected ones.
+pub fn stop_sentence(
+    limits: &DesignLimits,
+    mut sd: impl Iterator<Item = [f64; 2]>,
+    binding: BindingLimit,
+) -> Option<String> {
     sd.all(|[now, expected]| expected > LITTLE_LEARNT * now).then(|| {
-        // A designed record is one cycle, whose gain is unknown however long it is.
-        let remedy = if has_gains {
-            "Each cycle has its own gain, and a designed record is one cycle: a record of more cycles would teach more."
-        } else {
-            "More force, time or samples would teach more."
+        let remedy = match binding {
+            // A designed record is one cycle, whose gain is unknown however long it is.
+            BindingLimit::Gain => {
+                "Each cycle has its own gain, and a designed record is one cycle: a record of more cycles would teach more.".into()
+            }
+            BindingLimit::OuterSurface => {
+                "The gel's outer surface limits the displacement: more time or samples would teach more.".into()
+            }
+            BindingLimit::Displacement => format!(
+                "The displacement limit of {} µm binds: a larger one would teach more.",
+                format_significant(1e6 * limits.largest_position_m, 3)
+            ),
+            BindingLimit::Other => String::from("More force, time or samples would teach more."),
         };
         format!(
             "Another record of {} s within these limits lowers no standard deviation by more than 10 %. {remedy}",
@@ -114,7 +139,8 @@ pub fn at_the_outer_surface(
     let free_m = free_m.filter(|free_m| limits.largest_position_m >= *free_m)?;
     let um = |metres: f64| format_significant(1e6 * metres, 4);
     let asked = asked_m.filter(|asked_m| *asked_m > free_m);
-    let asked = asked.map_or(String::new(), |m| format!("; the limit of {} µm that was given lies beyond it", um(m)));
+    let asked =
+        asked.map_or(String::new(), |m| format!("; the limit of {} µm that was given lies beyond it", plain(1e6 * m)));
     let binds = if is_reached { ". It limits the force of the recommended protocol" } else { "" };
     Some(Warning {
         kind: WarningKind::Extrapolation,
@@ -122,7 +148,8 @@ pub fn at_the_outer_surface(
             "the displacement limit is {} µm, where the robot touches the gel's outer surface{asked}{binds}",
             um(free_m)
         ),
-        advice: "give a displacement limit far below it: near the outer surface the gel is stiffer than the model".into(),
+        advice: "give a displacement limit far below it: near the outer surface the gel is stiffer than the model"
+            .into(),
     })
 }
 
@@ -140,6 +167,19 @@ mod tests {
             largest_position_m,
             directions: ForceDirections::Both,
         }
+    }
+
+    #[test]
+    fn the_reason_to_stop_names_the_limit_that_binds() {
+        let sentence = |binding| stop_sentence(&limits(1.23e-3), [[1.0, 0.95]].into_iter(), binding).expect("a reason");
+        assert!(sentence(BindingLimit::Gain).contains("Each cycle has its own gain"));
+        let displacement = sentence(BindingLimit::Displacement);
+        assert!(displacement.ends_with("The displacement limit of 1230 µm binds: a larger one would teach more."));
+        assert!(sentence(BindingLimit::OuterSurface).contains("The gel's outer surface limits the displacement"));
+        let other = sentence(BindingLimit::Other);
+        assert!(other.ends_with("More force, time or samples would teach more.") && !other.contains("gain"));
+        // A record that lowers one standard deviation by more than 10 % is worth its time.
+        assert_eq!(stop_sentence(&limits(1e-3), [[1.0, 0.95], [1.0, 0.8]].into_iter(), BindingLimit::Other), None);
     }
 
     #[test]
