@@ -154,8 +154,8 @@ impl Quantity {
         }
     }
 
-    /// Summarises the values of all draws.
-    pub fn summary(&self, values: &[f64]) -> PredictedQuantity {
+    /// Summarises the values of all draws. `end_s` is the end of the prediction: robots that have not arrived by then arrive later.
+    pub fn summary(&self, values: &[f64], end_s: f64) -> PredictedQuantity {
         let mut ascending = values.to_vec();
         ascending.sort_by(f64::total_cmp);
         let quantile =
@@ -178,20 +178,24 @@ impl Quantity {
             q95,
             probability,
             probability_se: probability.map(|p| (p * (1.0 - p) / events.len() as f64).sqrt()),
-            sentence: self.sentence([q05, median, q95], probability),
+            sentence: self.sentence([q05, median, q95], probability, end_s),
         }
     }
 
-    fn sentence(&self, quantiles: [Option<f64>; 3], probability: Option<f64>) -> String {
-        let shown = |value: Option<f64>| value.map_or("not reached".into(), |value| format_significant(value, 4));
+    fn sentence(&self, quantiles: [Option<f64>; 3], probability: Option<f64>, end_s: f64) -> String {
+        let later = match self {
+            Self::TimeToReach { .. } => format!("later than {} s", plain(end_s)),
+            _ => "no value".into(),
+        };
+        let shown = |value: Option<f64>| value.map_or_else(|| later.clone(), |value| format_significant(value, 4));
         let unit = match self.unit() {
             "1" => String::new(),
             unit => format!(" {}", unit.replace("um", "µm")),
         };
         let [q05, median, q95] = quantiles.map(shown);
         let value = match quantiles[1] {
-            None if quantiles[0].is_none() => format!("{}: not reached", self.label()),
-            None => format!("{}: not reached by the median draw (5 % quantile {q05}{unit})", self.label()),
+            None if quantiles[0].is_none() => format!("{}: {later}", self.label()),
+            None => format!("{}: {later} in the median draw (5 % quantile {q05}{unit})", self.label()),
             Some(_) => format!("{}: {median}{unit} (90 %: {q05} to {q95})", self.label()),
         };
         let event = match (self, probability) {
@@ -199,10 +203,9 @@ impl Quantity {
                 let bound = if *m < 0.0 { "at most" } else { "at least" };
                 format!("; {bound} {} µm in {} % of draws", plain(UM_PER_M * m), percent(p))
             }
-            (Self::TimeToReach { within_s: Some(s), .. }, Some(p)) => {
-                format!("; within {} s in {} % of draws", plain(*s), percent(p))
+            (Self::TimeToReach { within_s, .. }, Some(p)) => {
+                format!("; within {} s in {} % of draws", plain(within_s.unwrap_or(end_s)), percent(p))
             }
-            (Self::TimeToReach { .. }, Some(p)) => format!("; reached in {} % of draws", percent(p)),
             _ => String::new(),
         };
         format!("{value}{event}")
@@ -289,12 +292,26 @@ mod tests {
     #[test]
     fn draws_that_never_arrive_are_counted_and_have_no_quantile() {
         let quantity = Quantity::TimeToReach { distance_m: 1e-3, within_s: Some(3.0) };
-        let summary = quantity.summary(&[1.0, 2.0, 4.0, f64::INFINITY]);
+        let summary = quantity.summary(&[1.0, 2.0, 4.0, f64::INFINITY], 5.0);
         assert_eq!((summary.probability, summary.q95), (Some(0.5), None));
         assert!(
             summary.median.is_some() && summary.sentence.contains("within 3 s in 50.0 % of draws"),
             "{}",
             summary.sentence
         );
+        assert!(summary.sentence.contains("(90 %: 1.150 to later than 5 s)"), "{}", summary.sentence);
+    }
+
+    /// A draw that has not arrived at the end of the prediction arrives later, as far as the prediction knows.
+    #[test]
+    fn arrivals_after_the_end_are_later_than_it() {
+        let quantity = Quantity::TimeToReach { distance_m: 1e-3, within_s: None };
+        let sentence = |values: &[f64]| quantity.summary(values, 3.0).sentence;
+        assert_eq!(
+            sentence(&[f64::INFINITY; 2]),
+            "time to reach 1000 µm: later than 3 s; within 3 s in 0.0 % of draws"
+        );
+        let most = sentence(&[2.9, 2.95, f64::INFINITY, f64::INFINITY, f64::INFINITY]);
+        assert!(most.contains("later than 3 s in the median draw"), "{most}");
     }
 }

@@ -162,7 +162,7 @@ impl Foresight {
         let record = ensemble.record();
         let sentence = |quantity: &Quantity| {
             let value = |x: &Vec<f64>| quantity.value(record, x, ensemble.strain_per_m);
-            quantity.summary(&trajectories_m.iter().map(value).collect::<Vec<f64>>()).sentence
+            quantity.summary(&trajectories_m.iter().map(value).collect::<Vec<f64>>(), hold_s + rest_s).sentence
         };
         let every = record.n_rows().div_ceil(MOST_TIMES);
         let rows: Vec<usize> = (0..record.n_rows()).step_by(every).collect();

@@ -241,9 +241,10 @@ fn largest_um(position_um: &PositionQuantiles) -> f64 {
 }
 
 fn quantities(ensemble: &Ensemble, scenario: &Scenario, trajectories_m: &[Vec<f64>]) -> Vec<PredictedQuantity> {
+    let end_s = ensemble.record().time_s.last().copied().unwrap_or(0.0);
     let summary = |quantity: &Quantity| {
         let value = |x: &Vec<f64>| quantity.value(ensemble.record(), x, ensemble.strain_per_m);
-        quantity.summary(&trajectories_m.iter().map(value).collect::<Vec<f64>>())
+        quantity.summary(&trajectories_m.iter().map(value).collect::<Vec<f64>>(), end_s)
     };
     scenario.quantities.iter().map(summary).collect()
 }
