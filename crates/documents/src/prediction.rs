@@ -21,6 +21,9 @@ pub struct Prediction {
     /// For a new specimen of a group: the share of every quantity's variance that is due to the uncertain group.
     #[serde(default)]
     pub group_shares: Vec<GroupShare>,
+    /// Quantities of interest whose variance has no sources here, with the reason: too few draws have a value.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without_sensitivity: Vec<String>,
     /// Warnings that concern all scenarios.
     pub warnings: Vec<Warning>,
 }
@@ -130,6 +133,14 @@ pub struct Sensitivity {
     pub shapley: f64,
     /// Standard error of the Shapley effect.
     pub shapley_se: f64,
+    /// Share of the draws in which the quantity has a value. The indices hold among these draws. It is 1 except for times of arrival.
+    #[serde(default = "all_draws")]
+    pub share_of_draws: f64,
+}
+
+/// Share of the draws in documents that do not state it.
+fn all_draws() -> f64 {
+    1.0
 }
 
 /// Share of the variance of a quantity for a new specimen that would vanish if the group were known exactly. The rest is the scatter between specimens and the tolerances.
@@ -144,6 +155,9 @@ pub struct GroupShare {
     pub share: f64,
     /// Monte Carlo standard error of the share.
     pub share_se: f64,
+    /// Share of the draws in which the quantity has a value. The share of the variance holds among these draws. It is 1 except for times of arrival.
+    #[serde(default = "all_draws")]
+    pub share_of_draws: f64,
 }
 
 impl Prediction {

@@ -16,6 +16,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
+/// Largest number of times that a point without a value is drawn again.
+const MOST_REDRAWS: usize = 40;
+
 /// Marginal distribution of an input.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Marginal {
@@ -108,8 +111,11 @@ fn normal_scores(values: &[f64]) -> Vec<f64> {
 /// Computes the indices of every quantity to every input from `n` pairs of points for each index. `quantities` returns the values of all quantities at each of several
 /// points, which are the inputs' values. The result is indexed by quantity, then by input.
 ///
+/// Values that are not finite are missing. The indices then hold for the inputs among points at which all quantities have values: points without them are drawn again,
+/// given the inputs that keep their values. A point that is never drawn with values takes those of the point with which it shares these inputs.
+///
 /// # Errors
-/// [`Error::Numerical`] if the correlations are singular; errors of `quantities`.
+/// [`Error::Numerical`] if the correlations are singular, or if hardly any point has values; errors of `quantities`.
 pub fn indices(
     inputs: &Inputs,
     n: usize,
@@ -128,7 +134,7 @@ pub fn indices(
     let mut orders = ChaCha8Rng::seed_from_u64(seed);
     orders.set_stream(1);
     let mut normals = |count: usize| DVector::from_fn(count, |_, _| StandardNormal.sample(&mut random));
-    let points: Vec<DVector<f64>> = (0..n).map(|_| &lower * normals(d)).collect();
+    let mut points: Vec<DVector<f64>> = (0..n).map(|_| &lower * normals(d)).collect();
     let evaluate = |points: &[DVector<f64>]| -> Result<Vec<Vec<f64>>> {
         let of_chunk = |points: &[DVector<f64>]| {
             quantities(&points.iter().map(|point| inputs.values(point.as_slice())).collect::<Vec<Vec<f64>>>())
@@ -136,11 +142,38 @@ pub fn indices(
         let chunks: Vec<Vec<Vec<f64>>> = points.par_chunks(N_LANES).map(of_chunk).collect::<Result<_>>()?;
         Ok(chunks.into_iter().flatten().collect())
     };
-    let base = evaluate(&points)?;
+    let has_values = |values: &Vec<f64>| values.iter().all(|value| value.is_finite());
+    // Values of points, of which those without values are drawn again.
+    let valued = |points: &mut [DVector<f64>], again: &mut dyn FnMut(usize) -> DVector<f64>| -> Result<Vec<Vec<f64>>> {
+        let mut values = evaluate(points)?;
+        for _ in 0..MOST_REDRAWS {
+            let missing: Vec<usize> = (0..points.len()).filter(|k| !has_values(&values[*k])).collect();
+            if missing.is_empty() {
+                break;
+            }
+            missing.iter().for_each(|k| points[*k] = again(*k));
+            let drawn: Vec<DVector<f64>> = missing.iter().map(|k| points[*k].clone()).collect();
+            missing.into_iter().zip(evaluate(&drawn)?).for_each(|(k, found)| values[k] = found);
+        }
+        Ok(values)
+    };
+    let base = valued(&mut points, &mut |_| &lower * normals(d))?;
+    if !base.iter().all(has_values) {
+        return Err(Error::numerical(
+            "a quantity has no value for nearly all draws, so that its variance has no sources",
+            "leave out the quantity, or give a longer duration",
+        ));
+    }
+    // Values of further points; `of_place` tells the base point of each.
+    let partners = |values: Vec<Vec<f64>>, of_place: &dyn Fn(usize) -> usize| -> Vec<Vec<f64>> {
+        let with_values = |(k, values)| if has_values(&values) { values } else { base[of_place(k)].clone() };
+        values.into_iter().enumerate().map(with_values).collect()
+    };
     let n_quantities = base.first().map_or(0, Vec::len);
     let mut found = vec![Vec::with_capacity(d); n_quantities];
     // In a random order of the inputs, the first k keep their values and the others are drawn given them, for every k below d.
     let mut order_of: Vec<Vec<usize>> = Vec::with_capacity(n);
+    let mut factors: Vec<(DMatrix<f64>, DVector<f64>)> = Vec::with_capacity(n);
     let mut with_first_kept: Vec<DVector<f64>> = Vec::with_capacity(n * d);
     for point in &points {
         let mut order: Vec<usize> = (0..d).collect();
@@ -150,15 +183,17 @@ pub fn indices(
         let known = DVector::from_iterator(d, order.iter().map(|i| point[*i]));
         let known = lower.solve_lower_triangular(&known).ok_or_else(singular)?;
         let other = normals(d);
-        for k in 0..d {
-            let drawn = &lower * DVector::from_fn(d, |row, _| if row < k { known[row] } else { other[row] });
-            let mut new = DVector::zeros(d);
-            order.iter().zip(drawn.iter()).for_each(|(i, value)| new[*i] = *value);
-            with_first_kept.push(new);
-        }
+        with_first_kept.extend((0..d).map(|k| keeping_first(k, &order, (&lower, &known), &other)));
+        factors.push((lower, known));
         order_of.push(order);
     }
-    let with_first_kept = evaluate(&with_first_kept)?;
+    let mut again = |entry: usize| {
+        let (place, k) = (entry / d, entry % d);
+        let (lower, known) = &factors[place];
+        keeping_first(k, &order_of[place], (lower, known), &normals(d))
+    };
+    let with_first_kept = valued(&mut with_first_kept, &mut again)?;
+    let with_first_kept = partners(with_first_kept, &|entry| entry / d);
     let shapley = |q: usize| shapley_effects(&base, &with_first_kept, &order_of, q);
     let shapley: Vec<Vec<[f64; 2]>> = (0..n_quantities).map(shapley).collect();
     for i in 0..d {
@@ -168,26 +203,24 @@ pub fn indices(
         let rest =
             DMatrix::from_fn(d - 1, d - 1, |a, b| correlation[(others[a], others[b])]) - &slope * slope.transpose();
         let rest = if d > 1 { rest.cholesky().ok_or_else(singular)?.l() } else { rest };
-        let with_kept: Vec<DVector<f64>> = points
-            .iter()
-            .map(|point| {
-                let drawn = &slope * point[i] + &rest * normals(d - 1);
-                let mut new = point.clone();
-                others.iter().zip(drawn.iter()).for_each(|(j, value)| new[*j] = *value);
-                new
-            })
-            .collect();
+        let keeping = |point: &DVector<f64>, other: &DVector<f64>| {
+            let drawn = &slope * point[i] + &rest * other;
+            let mut new = point.clone();
+            others.iter().zip(drawn.iter()).for_each(|(j, value)| new[*j] = *value);
+            new
+        };
+        let mut with_kept: Vec<DVector<f64>> = points.iter().map(|point| keeping(point, &normals(d - 1))).collect();
         // Keeps the others, and draws input i given them.
-        let with_drawn: Vec<DVector<f64>> = points
-            .iter()
-            .map(|point| {
-                let mean = -others.iter().map(|j| precision[(i, *j)] * point[*j]).sum::<f64>() / precision[(i, i)];
-                let mut new = point.clone();
-                new[i] = mean + normals(1)[0] / precision[(i, i)].sqrt();
-                new
-            })
-            .collect();
-        let (kept, drawn) = (evaluate(&with_kept)?, evaluate(&with_drawn)?);
+        let drawing = |point: &DVector<f64>, score: f64| {
+            let mean = -others.iter().map(|j| precision[(i, *j)] * point[*j]).sum::<f64>() / precision[(i, i)];
+            let mut new = point.clone();
+            new[i] = mean + score / precision[(i, i)].sqrt();
+            new
+        };
+        let mut with_drawn: Vec<DVector<f64>> = points.iter().map(|point| drawing(point, normals(1)[0])).collect();
+        let kept = valued(&mut with_kept, &mut |place| keeping(&points[place], &normals(d - 1)))?;
+        let drawn = valued(&mut with_drawn, &mut |place| drawing(&points[place], normals(1)[0]))?;
+        let [kept, drawn] = [kept, drawn].map(|values| partners(values, &|place| place));
         for (q, list) in found.iter_mut().enumerate() {
             let pairs =
                 |other: &[Vec<f64>]| -> Vec<[f64; 2]> { base.iter().zip(other).map(|(a, b)| [a[q], b[q]]).collect() };
@@ -197,6 +230,21 @@ pub fn indices(
         }
     }
     Ok(found)
+}
+
+/// Point whose first `k` inputs of an order keep their values, with the others drawn given them. `lower` is the Cholesky factor of the ordered correlations, `known` the
+/// independent scores of the point, and `other` new ones.
+fn keeping_first(
+    k: usize,
+    order: &[usize],
+    (lower, known): (&DMatrix<f64>, &DVector<f64>),
+    other: &DVector<f64>,
+) -> DVector<f64> {
+    let d = order.len();
+    let drawn = lower * DVector::from_fn(d, |row, _| if row < k { known[row] } else { other[row] });
+    let mut new = DVector::zeros(d);
+    order.iter().zip(drawn.iter()).for_each(|(i, value)| new[*i] = *value);
+    new
 }
 
 /// Share of the variance of a quantity that two evaluations with common inputs have in common, with its standard error: the first-order index of the common inputs. Entry k of `one`
@@ -316,6 +364,26 @@ mod tests {
             let others: f64 = (0..8).filter(|j| *j != k).map(|j| 1.0 + part[j]).product();
             assert_near(found[k].total, part[k] * others / variance, &format!("total {k}"));
         }
+    }
+
+    /// Without a value outside the triangle x₀ + x₁ < 1, the inputs depend on each other. The first has the density 2(1 − x₀), the variance 1/18 and the mean (1 − x₁)/2 given the
+    /// second, with the variance (1 − x₁)²/12.
+    #[test]
+    fn indices_hold_among_the_points_with_a_value() {
+        let in_triangle = |x: &[f64]| vec![if x[0] + x[1] < 1.0 { x[0] } else { f64::INFINITY }];
+        let found = &indices(&independent(2, [0.0, 1.0]), N, 4, each(in_triangle)).expect("indices")[0];
+        for (k, [first, total, shapley]) in [[1.0, 0.75, 0.875], [0.25, 0.0, 0.125]].into_iter().enumerate() {
+            assert_near(found[k].first_order, first, &format!("first order {k}"));
+            assert_near(found[k].total, total, &format!("total {k}"));
+            assert_near(found[k].shapley, shapley, &format!("Shapley {k}"));
+        }
+        // A condition on one input leaves the inputs independent: shares of 1/4 and 1 in the variance.
+        let halved = |x: &[f64]| vec![if x[0] < 0.5 { x[0] + x[1] } else { f64::INFINITY }];
+        let found = &indices(&independent(2, [0.0, 1.0]), N, 4, each(halved)).expect("indices")[0];
+        assert_near(found[0].shapley, 0.2, "Shapley of the input with the condition");
+        assert_near(found[1].first_order, 0.8, "first order of the other");
+        let nowhere = indices(&independent(2, [0.0, 1.0]), 16, 4, each(|_| vec![f64::INFINITY]));
+        assert!(nowhere.is_err_and(|error| error.to_string().contains("no value")));
     }
 
     #[test]

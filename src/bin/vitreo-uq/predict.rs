@@ -146,18 +146,27 @@ fn words(found: &Prediction) -> String {
                 "share of the variance", "input", "due to it", "first order", "total"
             ));
         }
+        let mut partial: Vec<(&str, f64)> = Vec::new();
         for entry in entries {
+            if entry.share_of_draws < 1.0 {
+                partial.push((&entry.quantity, entry.share_of_draws));
+            }
             let share = |value: f64, error: f64| format!("{value:.3} ± {error:.3}");
             let due = share(entry.shapley, entry.shapley_se);
             let [first, total] = [share(entry.first_order, entry.first_order_se), share(entry.total, entry.total_se)];
             lines.push(format!("  {:<28}{:<24}{due:>15}{first:>15}{total:>15}", entry.quantity, entry.input));
         }
+        partial.dedup();
+        lines.extend(partial.into_iter().map(|(quantity, share)| {
+            format!("  {quantity}: the shares hold among the {:.1} % of draws that arrive", 100.0 * share)
+        }));
         let of_group = found.group_shares.iter().filter(|share| share.scenario == scenario.name);
         lines.extend(of_group.map(|GroupShare { quantity, share, share_se, .. }| {
             format!("  {quantity}: {share:.2} ± {share_se:.2} of the variance is due to the uncertain group, which more specimens reduce")
         }));
         lines.extend(warning_lines(&scenario.warnings));
     }
+    lines.extend(found.without_sensitivity.iter().map(|reason| format!("\n  {reason}.")));
     lines.extend(warning_lines(&found.warnings));
     lines.join("\n") + "\n"
 }

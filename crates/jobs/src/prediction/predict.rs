@@ -15,7 +15,7 @@ use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
 use prediction::ensemble::{self, Draws, Ensemble, Gel};
 use prediction::force_history::ForceHistory;
-use prediction::quantity::{Quantity, time_to_reach_s};
+use prediction::quantity::{Quantity, percent, time_to_reach_s};
 use prediction::scenario::Scenario;
 use prediction::sensitivity::{Inputs, Marginal, covariance_share, indices};
 use prediction::tolerance::Tolerance;
@@ -30,6 +30,9 @@ const MOST_VALUES: usize = 20_000_000;
 const FEWEST_DRAWS: usize = 1_000;
 /// Number of rows that are added around the arrivals at a distance.
 const N_ARRIVAL_ROWS: usize = 100;
+/// Smallest share of draws with a value of a quantity from which the sources of its variance are given. Below it the median draw has no value, and a variance among the
+/// others describes a minority.
+const LEAST_SHARE: f64 = 0.5;
 /// Smallest difference of the reduced model from full finite elements that is named, in µm: rounding is below it.
 const NAMED_ERROR_UM: f64 = 1e-6;
 /// Number of points from which each sensitivity index is computed.
@@ -69,6 +72,7 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
         equivalent: Vec::new(),
         sensitivity: Vec::new(),
         group_shares: Vec::new(),
+        without_sensitivity: Vec::new(),
         warnings: source.warnings.clone(),
     };
     for (scenario, record) in &scenarios {
@@ -80,8 +84,12 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
         let prediction = predicted(&gel, &ensemble, scenario, monitor)?;
         let error_um = prediction.full_model_error_um + prediction.mesh_error_um.unwrap_or(0.0);
         let relative_error = error_um / largest_um(&prediction.position_um);
-        found.sensitivity.extend(sensitivity(&gel, &ensemble, scenario, relative_error, monitor)?);
-        found.group_shares.extend(group_shares(&gel, &ensemble, scenario)?);
+        let shares = shares_of_draws(&ensemble, scenario)?;
+        if !ensemble.is_slow() {
+            found.without_sensitivity.extend(without_sensitivity(scenario, &shares));
+        }
+        found.sensitivity.extend(sensitivity(&gel, &ensemble, (scenario, &shares), relative_error, monitor)?);
+        found.group_shares.extend(group_shares(&gel, &ensemble, (scenario, &shares))?);
         for rival in &source.rivals {
             let gel = Gel { problem: &rival.problem, draws: rival.draws.clone(), is_taught: true, seed };
             let ensemble = match Ensemble::new(&gel, scenario, record.clone(), source.kept.clone(), monitor) {
@@ -290,11 +298,41 @@ fn disagreement_warnings(found: &Prediction) -> Vec<Warning> {
     disagreeing.map(warning).collect()
 }
 
-/// Sensitivity of every quantity to the parameters, the tolerances and the numerical error. Times of arrival count as the scenario's duration if the robot does not arrive.
+/// Share of the draws in which each quantity has a value: all draws, except for times of arrival.
+fn shares_of_draws(ensemble: &Ensemble, scenario: &Scenario) -> Result<Vec<f64>> {
+    let are_arrivals = scenario.quantities.iter().any(|quantity| matches!(quantity, Quantity::TimeToReach { .. }));
+    if !are_arrivals {
+        return Ok(vec![1.0; scenario.quantities.len()]);
+    }
+    let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
+    let has_value =
+        |quantity: &Quantity, x: &[f64]| quantity.value(ensemble.record(), x, ensemble.strain_per_m).is_finite();
+    let share = |quantity: &Quantity| {
+        let n = trajectories_m.iter().filter(|x| has_value(quantity, x)).count();
+        if matches!(quantity, Quantity::TimeToReach { .. }) { n as f64 / trajectories_m.len() as f64 } else { 1.0 }
+    };
+    Ok(scenario.quantities.iter().map(share).collect())
+}
+
+/// Quantities whose variance has no sources in the result, with the reason. `shares` are the shares of draws in which the quantities have values.
+fn without_sensitivity(scenario: &Scenario, shares: &[f64]) -> Vec<String> {
+    let few = scenario.quantities.iter().zip(shares).filter(|(_, share)| **share < LEAST_SHARE);
+    let reason = |(quantity, share): (&Quantity, &f64)| {
+        format!(
+            "{}, {}: {} % of the draws arrive by the end. The variance is attributed to its sources if at least half of them do: give a longer duration",
+            scenario.name,
+            quantity.label(),
+            percent(*share)
+        )
+    };
+    few.map(reason).collect()
+}
+
+/// Sensitivity of every quantity to the parameters, the tolerances and the numerical error, among the draws in which it has a value. `shares` are the shares of these draws.
 fn sensitivity(
     gel: &Gel<'_>,
     ensemble: &Ensemble,
-    scenario: &Scenario,
+    (scenario, shares): (&Scenario, &[f64]),
     numerical_error: f64,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Sensitivity>> {
@@ -331,7 +369,6 @@ fn sensitivity(
     let of_few_rows = is_linear.then(|| ensemble.with_record(record.of_rows(&needed)));
     let ensemble = of_few_rows.as_ref().unwrap_or(ensemble);
     let (forward, record) = (ensemble.forward(), ensemble.record());
-    let duration_s = record.time_s[record.n_rows() - 1];
     let draw_and_factor = |inputs: &Vec<f64>| {
         let mut draw = gel.draws.values[0].clone();
         kept.iter().zip(inputs).for_each(|(k, value)| draw[*k] = *value);
@@ -339,19 +376,28 @@ fn sensitivity(
         let factor = tolerances.iter().zip(at).map(|(tolerance, u)| tolerance.factor(*u)).product::<f64>();
         (gel.draws.parameters(ensemble.problem(), &draw), factor)
     };
-    let values = |points: &[Vec<f64>]| -> Result<Vec<Vec<f64>>> {
+    let values = |quantities: &[usize], points: &[Vec<f64>]| -> Result<Vec<Vec<f64>>> {
         let (parameters, factors): (Vec<Vec<f64>>, Vec<f64>) = points.iter().map(draw_and_factor).unzip();
         let of_trajectory = |(mut position_m, factor): (Vec<f64>, f64)| {
             position_m.iter_mut().for_each(|x| *x *= factor);
-            let value = |quantity: &Quantity| quantity.value(record, &position_m, ensemble.strain_per_m);
-            let values = scenario.quantities.iter().map(value);
-            values.map(|value| if value.is_finite() { value } else { duration_s }).collect()
+            let value = |k: &usize| scenario.quantities[*k].value(record, &position_m, ensemble.strain_per_m);
+            quantities.iter().map(value).collect()
         };
         Ok(forward.trajectories_m(&parameters)?.into_iter().zip(factors).map(of_trajectory).collect())
     };
     let n = if is_linear { N_SENSITIVITY } else { N_SENSITIVITY_SLOW };
-    let found = indices(&inputs, n, gel.seed, values)?;
-    let entries = scenario.quantities.iter().zip(found).flat_map(|(quantity, of_inputs)| {
+    // A quantity without a value in some draws has points of its own, which all have one.
+    let all = || 0..scenario.quantities.len();
+    let complete: Vec<usize> = all().filter(|k| shares[*k] == 1.0).collect();
+    let others = all().filter(|k| (LEAST_SHARE..1.0).contains(&shares[*k])).map(|k| vec![k]);
+    let mut found = Vec::new();
+    for quantities in std::iter::once(complete).chain(others).filter(|quantities| !quantities.is_empty()) {
+        let of_quantities = indices(&inputs, n, gel.seed, |points| values(&quantities, points))?;
+        found.extend(quantities.into_iter().zip(of_quantities));
+    }
+    found.sort_by_key(|(k, _)| *k);
+    let entries = found.into_iter().flat_map(|(k, of_inputs)| {
+        let (quantity, share_of_draws) = (&scenario.quantities[k], shares[k]);
         let entry = move |(input, index): (&String, prediction::sensitivity::Index)| Sensitivity {
             scenario: scenario.name.clone(),
             quantity: quantity.label(),
@@ -362,6 +408,7 @@ fn sensitivity(
             total_se: index.total[1],
             shapley: index.shapley[0],
             shapley_se: index.shapley[1],
+            share_of_draws,
         };
         inputs.names().iter().zip(of_inputs).map(entry).collect::<Vec<Sensitivity>>()
     });
@@ -369,17 +416,20 @@ fn sensitivity(
 }
 
 /// Share of the variance of every quantity that is due to the uncertain group, for a new specimen of a group. It is the covariance of two specimens of one draw of the
-/// population, divided by the variance of one specimen.
-fn group_shares(gel: &Gel<'_>, ensemble: &Ensemble, scenario: &Scenario) -> Result<Vec<GroupShare>> {
+/// population, divided by the variance of one specimen, among the draws in which the quantity has a value for both specimens. `shares` are the shares of draws with a value.
+fn group_shares(
+    gel: &Gel<'_>,
+    ensemble: &Ensemble,
+    (scenario, shares): (&Scenario, &[f64]),
+) -> Result<Vec<GroupShare>> {
     if gel.draws.other_specimens.is_empty() || ensemble.is_slow() {
         return Ok(Vec::new());
     }
-    let duration_s = ensemble.record().time_s[ensemble.record().n_rows() - 1];
     let values = |ensemble: &Ensemble| -> Result<Vec<Vec<f64>>> {
         let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
         let of_quantity = |quantity: &Quantity| {
             let value = |x: &Vec<f64>| quantity.value(ensemble.record(), x, ensemble.strain_per_m);
-            trajectories_m.iter().map(value).map(|value| if value.is_finite() { value } else { duration_s }).collect()
+            trajectories_m.iter().map(value).collect()
         };
         Ok(scenario.quantities.iter().map(of_quantity).collect())
     };
@@ -388,11 +438,22 @@ fn group_shares(gel: &Gel<'_>, ensemble: &Ensemble, scenario: &Scenario) -> Resu
     let plain = ensemble.without_tolerances();
     let (one, other, with_tolerances) = (values(&plain)?, values(&plain.with_draws(&other, 0))?, values(ensemble)?);
     let share = |(k, quantity): (usize, &Quantity)| {
-        let of_variance = variance(&one[k]) / variance(&with_tolerances[k]).max(f64::MIN_POSITIVE);
-        let [share, share_se] = covariance_share(&one[k], &other[k]).map(|share| share * of_variance);
-        GroupShare { scenario: scenario.name.clone(), quantity: quantity.label(), share, share_se }
+        let [share, share_se] = group_share([&one[k], &other[k], &with_tolerances[k]]);
+        let quantity = quantity.label();
+        GroupShare { scenario: scenario.name.clone(), quantity, share, share_se, share_of_draws: shares[k] }
     };
-    Ok(scenario.quantities.iter().enumerate().map(share).collect())
+    let quantities = scenario.quantities.iter().enumerate().filter(|(k, _)| shares[*k] >= LEAST_SHARE);
+    Ok(quantities.map(share).collect())
+}
+
+/// Share of the variance of a quantity that two specimens of one draw of the population have in common, with its standard error. The lists hold the values of one specimen, of the other,
+/// and of the first with its tolerances; draws without one of the three values are left out.
+fn group_share(values: [&[f64]; 3]) -> [f64; 2] {
+    let has_values = |draw: &usize| values.iter().all(|list| list[*draw].is_finite());
+    let draws: Vec<usize> = (0..values[0].len()).filter(has_values).collect();
+    let [one, other, with_tolerances] = values.map(|list| draws.iter().map(|draw| list[*draw]).collect::<Vec<f64>>());
+    let of_variance = variance(&one) / variance(&with_tolerances).max(f64::MIN_POSITIVE);
+    covariance_share(&one, &other).map(|share| share * of_variance)
 }
 
 fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor) -> Result<Outcome<Prediction>> {
@@ -435,4 +496,42 @@ pub(super) fn table(scenarios: &[ScenarioPrediction]) -> Vec<u8> {
         }
     }
     text.into_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::{Robot, RobotShape, Vitreous};
+
+    fn scenario(quantities: Vec<Quantity>) -> Scenario {
+        let shape = RobotShape::Sphere { diameter_m: 0.55e-3 };
+        let vitreous = Vitreous { diameter_m: 0.02, poisson_ratio: 0.48, density_kg_m3: None };
+        let robot = Robot { shape, density_kg_m3: None, offset: None };
+        let mut scenario = Scenario::of_robot("bead", robot, vitreous);
+        scenario.quantities = quantities;
+        scenario
+    }
+
+    /// Draws that do not arrive have no part in the share, whatever the duration: the specimens of the others are equal.
+    #[test]
+    fn draws_without_a_value_have_no_part_in_the_share_of_the_group() {
+        let late = f64::INFINITY;
+        let one = [1.0, 2.0, 3.0, 4.0, late, 9.0];
+        let other = [1.0, 2.0, 3.0, 4.0, 7.0, late];
+        let [share, _] = group_share([&one, &other, &one]);
+        assert!((share - 1.0).abs() < 1e-12, "{share}");
+        // Tolerances that double the deviations of the draws that arrive leave a quarter.
+        let [share, _] = group_share([&one, &other, &[1.0, 3.0, 5.0, 7.0, late, late]]);
+        assert!((share - 0.25).abs() < 1e-12, "{share}");
+    }
+
+    #[test]
+    fn a_minority_of_arrivals_gives_no_sensitivities_but_the_reason() {
+        let arrival = Quantity::TimeToReach { distance_m: 0.5e-3, within_s: None };
+        let scenario = scenario(vec![Quantity::PositionAt { at_s: 3.0, at_least_m: None }, arrival]);
+        assert!(without_sensitivity(&scenario, &[1.0, 0.5]).is_empty());
+        let found = without_sensitivity(&scenario, &[1.0, 0.314]);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].starts_with("bead, time to reach 500 µm: 31.4 % of the draws arrive"), "{}", found[0]);
+    }
 }
