@@ -22,7 +22,7 @@ use sampling::diagnostics::DrawColumn;
 use sampling::evidence::{WeightedDraws, find_density_valley, to_normal_coordinate};
 use serde::Serialize;
 
-use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
+use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision, refuse_unfinished};
 use crate::last_cycle::{LastCycleFit, errors};
 use crate::outcome::Outcome;
 use crate::target::{CohortTarget, CreepTarget, Target, TargetRequest, unsupported_target};
@@ -122,6 +122,7 @@ fn of_creep(target: &CreepTarget, request: &ExtendRequest, monitor: &dyn Monitor
     }
     let study = target.make_study()?;
     if study.revisions()?.is_empty() {
+        refuse_unfinished(&study, &before.specification)?;
         monitor.stage("m0, the model to extend, on the calibration cycles");
         make_first_revision(&study, &before, request.options.clone(), false, monitor)?;
     }

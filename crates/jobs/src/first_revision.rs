@@ -30,7 +30,12 @@ pub fn make_first_revision(
     monitor: &dyn Monitor,
 ) -> Result<(SampleResult, PathBuf)> {
     let revision = study.begin_revision(FIRST_REVISION)?;
-    let checkpoint = study.checkpoint_dir(FIRST_REVISION)?.join("sampler.state");
+    let unfinished = study.checkpoint_dir(FIRST_REVISION)?;
+    // The model of an interrupted run, so that no other command takes another model in its place.
+    if !(resume && unfinished.join("model.toml").is_file()) {
+        artefacts::write_model(&unfinished, &problem.specification, &problem.priors)?;
+    }
+    let checkpoint = unfinished.join("sampler.state");
     let seed = options.seed;
     let request = SampleRequest {
         options,
@@ -62,6 +67,48 @@ pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrog
     KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
 }
 
+/// Refuses to make the first revision of a study with another model than that of an interrupted run, which would be lost.
+///
+/// # Errors
+/// [`Error::Input`] if an interrupted run has another model or an unknown one.
+pub fn refuse_unfinished(study: &Study, specification: &ModelSpecification) -> Result<()> {
+    let Some(dir) = study.unfinished_dir(FIRST_REVISION)? else { return Ok(()) };
+    let unfinished = ModelSpecification::of_revision(&dir, &Library::default()).ok();
+    if let Some(unfinished) = &unfinished
+        && same_model(unfinished, specification)?
+    {
+        return Ok(());
+    }
+    let model = match &unfinished {
+        Some(unfinished) if unfinished.effects.is_empty() => format!(" of the law {}", unfinished.summary().base),
+        Some(unfinished) => format!(" with {}", unfinished.effects.join(", ")),
+        None => String::new(),
+    };
+    Err(Error::input(
+        InputPlace::file(study.dir()).at_key(FIRST_REVISION),
+        format!("the study has no finished revision: a run of `sample`{model} was interrupted"),
+        format!(
+            "repeat that run with its options and `{}`, or delete {} to begin with another model",
+            Setting::Resume,
+            dir.display()
+        ),
+    ))
+}
+
+/// Warning that a study with a first revision also has an interrupted run, which would replace it; `None` without one.
+///
+/// # Errors
+/// Errors of [`Study::unfinished_dir`].
+pub fn unfinished_warning(study: &Study) -> Result<Option<String>> {
+    let dir = study.unfinished_dir(FIRST_REVISION)?;
+    Ok(dir.map(|_| {
+        format!(
+            "a run of `sample` that would replace {FIRST_REVISION} was interrupted; the present {FIRST_REVISION} is used. Repeat that run with its options and `{}` to finish it",
+            Setting::Resume
+        )
+    }))
+}
+
 /// Refuses to overwrite the study's first revision `m0` by a revision of another model, unless `force` is set.
 ///
 /// # Errors
@@ -88,4 +135,35 @@ fn same_model(ours: &ModelSpecification, other: &ModelSpecification) -> Result<b
     let unnamed = |model: &ModelSpecification| ModelSpecification { prior: String::new(), ..model.clone() };
     let same_prior = || Ok(PriorSet::text_named(&ours.prior)?.1 == PriorSet::text_named(&other.prior)?.1);
     if unnamed(ours) == unnamed(other) { same_prior() } else { Ok(false) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use posterior::replica;
+
+    /// An interrupted run leaves its model beside the sampler's state. Other commands continue with this model only.
+    #[test]
+    fn an_interrupted_run_of_another_model_is_not_replaced() {
+        let place = tempfile::tempdir().expect("a directory");
+        let (_, files) = replica::embedded().expect("the replica");
+        let study = Study::open_or_create(&place.path().join("study"), &files, false).expect("a study");
+        let base = ModelSpecification::default();
+        assert!(
+            refuse_unfinished(&study, &base).is_ok() && unfinished_warning(&study).is_ok_and(|text| text.is_none())
+        );
+        let with_slip = base.clone().with_options(None, &["interface-slip".into()], &[], None, &[]).expect("a model");
+        let dir = study.checkpoint_dir(FIRST_REVISION).expect("a directory");
+        with_slip.write(&dir.join("model.toml")).expect("a file");
+        let refusal = refuse_unfinished(&study, &base).expect_err("a refusal").to_string();
+        assert!(refusal.contains("a run of `sample` with interface-slip was interrupted"), "{refusal}");
+        assert!(refuse_unfinished(&study, &with_slip).is_ok());
+        assert!(unfinished_warning(&study).is_ok_and(|text| text.is_some_and(|text| text.contains("m0 is used"))));
+        // A run of an earlier version leaves the state without its model.
+        std::fs::remove_file(dir.join("model.toml")).expect("a file");
+        std::fs::write(dir.join("sampler.state"), "state").expect("a file");
+        assert!(refuse_unfinished(&study, &base).is_err());
+        study.discard_checkpoint(FIRST_REVISION).expect("a directory");
+        assert!(refuse_unfinished(&study, &base).is_ok());
+    }
 }

@@ -20,7 +20,9 @@ use sampling::SamplerOptions;
 use serde::Serialize;
 
 use crate::artefacts;
-use crate::first_revision::{FIRST_REVISION, kept_surrogate, make_first_revision};
+use crate::first_revision::{
+    FIRST_REVISION, kept_surrogate, make_first_revision, refuse_unfinished, unfinished_warning,
+};
 use crate::last_cycle::LastCycleFit;
 use crate::outcome::Outcome;
 use crate::sweep::problem::{DEFAULT_PRIOR, SweepProblem};
@@ -278,7 +280,7 @@ impl CreepTarget {
     /// Returns the revision that the options name, or the last. If the study has no revision, `m0` is made first.
     ///
     /// # Errors
-    /// [`Error::Input`] if options would change an existing revision; otherwise as [`make_first_revision`].
+    /// [`Error::Input`] if options would change an existing revision, or if a first revision of another model is unfinished; otherwise as [`make_first_revision`].
     pub fn revision(&self, options: SamplerOptions, monitor: &dyn Monitor) -> Result<Revision> {
         self.check(monitor)?;
         let there = match self.existing_study() {
@@ -301,8 +303,12 @@ impl CreepTarget {
         options.validate(problem.priors.priors().len())?;
         let study = self.make_study()?;
         if there.is_empty() {
+            refuse_unfinished(&study, &problem.specification)?;
             monitor.stage("m0, the first model, on the calibration cycles");
             make_first_revision(&study, &problem, options, false, monitor)?;
+        }
+        if let Some(text) = unfinished_warning(&study)? {
+            monitor.warn(&text);
         }
         let name = self.request.from.clone().or_else(|| there.last().cloned());
         Ok(Revision { study, name: name.unwrap_or_else(|| FIRST_REVISION.into()), problem })

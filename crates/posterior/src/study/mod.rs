@@ -288,9 +288,17 @@ impl Study {
     /// # Errors
     /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if the directory cannot be created.
     pub fn checkpoint_dir(&self, name: &str) -> Result<PathBuf> {
-        let dir = self.dir.join(format!(".{}.checkpoint", self.checked(name)?));
+        let dir = self.checkpoint_path(name)?;
         files::create_folders(&dir, "make the study directory writable")?;
         Ok(dir)
+    }
+
+    /// Directory of the checkpoint that an interrupted run of a revision has left; `None` without one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name is not a revision's.
+    pub fn unfinished_dir(&self, name: &str) -> Result<Option<PathBuf>> {
+        Ok(Some(self.checkpoint_path(name)?).filter(|dir| files::is_folder(dir)))
     }
 
     /// Removes a revision's checkpoint, if there is one.
@@ -298,7 +306,11 @@ impl Study {
     /// # Errors
     /// [`Error::Input`] if the name is not a revision's, [`Error::File`] if it cannot be removed.
     pub fn discard_checkpoint(&self, name: &str) -> Result<()> {
-        files::remove_all(&self.dir.join(format!(".{}.checkpoint", self.checked(name)?)))
+        files::remove_all(&self.checkpoint_path(name)?)
+    }
+
+    fn checkpoint_path(&self, name: &str) -> Result<PathBuf> {
+        Ok(self.dir.join(format!(".{}.checkpoint", self.checked(name)?)))
     }
 
     fn checked<'a>(&self, name: &'a str) -> Result<&'a str> {
