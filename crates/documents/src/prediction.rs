@@ -50,6 +50,9 @@ pub struct ScenarioPrediction {
     pub full_runs: usize,
     /// Largest error of the position due to the finite-element mesh, in µm; `None` if it is unknown.
     pub mesh_error_um: Option<f64>,
+    /// Largest error of the position due to the straight lines that a sine of the force is computed with, in µm; 0 for other forces.
+    #[serde(default)]
+    pub force_error_um: f64,
     /// Warnings about this scenario, such as forces beyond the record that taught the law.
     pub warnings: Vec<Warning>,
 }

@@ -153,6 +153,7 @@ mod tests {
             full_model_error_um: 0.0,
             full_runs: 8,
             mesh_error_um: None,
+            force_error_um: 0.0,
             warnings: Vec::new(),
         }
     }

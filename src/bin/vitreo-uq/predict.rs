@@ -180,8 +180,12 @@ pub fn scenario_lines(scenario: &ScenarioPrediction) -> Vec<String> {
         Some(0.0) => "; the law has absorbed the mesh's error".into(),
         Some(error_um) => format!("; at most {} µm from the mesh", significant(error_um)),
     };
+    let lines_of_sine = match scenario.force_error_um {
+        0.0 => String::new(),
+        error_um => format!("; at most {} µm from the straight lines of the sine", significant(error_um)),
+    };
     lines.push(format!(
-        "  Numerical error: {} µm from {} full finite-element runs{mesh}",
+        "  Numerical error: {} µm from {} full finite-element runs{mesh}{lines_of_sine}",
         significant(scenario.full_model_error_um),
         scenario.full_runs
     ));

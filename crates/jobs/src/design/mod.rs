@@ -491,6 +491,7 @@ fn figure(position_m: &[f64], noise_m: f64, record: &Record, found: &Design) -> 
         full_model_error_um: 0.0,
         full_runs: 0,
         mesh_error_um: None,
+        force_error_um: 0.0,
         warnings: Vec::new(),
     };
     figures::prediction::prediction("Protocol of the next record", &found.recommended.sentence, &[expected], None)

@@ -82,7 +82,8 @@ pub fn run(place: &GelPlace<'_>, request: &PredictRequest, monitor: &dyn Monitor
         let record = ensemble.record();
         monitor.stage(&format!("predicting {}", scenario.name));
         let prediction = predicted(&gel, &ensemble, scenario, monitor)?;
-        let error_um = prediction.full_model_error_um + prediction.mesh_error_um.unwrap_or(0.0);
+        let error_um =
+            prediction.full_model_error_um + prediction.mesh_error_um.unwrap_or(0.0) + prediction.force_error_um;
         let relative_error = error_um / largest_um(&prediction.position_um);
         let shares = shares_of_draws(&ensemble, scenario)?;
         if !ensemble.is_slow() {
@@ -239,6 +240,7 @@ pub(super) fn predicted(
         full_model_error_um: error_um,
         full_runs: check.runs,
         mesh_error_um: ensemble.mesh_error().map(|error| error * largest_um),
+        force_error_um: scenario.force.as_ref().map_or(0.0, |force| force.line_error(record)) * largest_um,
         warnings,
     })
 }
