@@ -251,6 +251,17 @@ pub struct EquivalentPlan {
     pub probability: f64,
 }
 
+impl EquivalentPlan {
+    /// Result in words.
+    pub fn sentence(&self) -> String {
+        format!(
+            "With {} instead, which the record cannot distinguish: success in {:.1} % of draws",
+            self.effect,
+            100.0 * self.probability
+        )
+    }
+}
+
 /// Change of the force to a new value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
@@ -265,5 +276,17 @@ impl Plan {
     /// True if the plan is feasible and no warning makes it untrusted. The program exits with code 0 for such results.
     pub fn is_sound(&self) -> bool {
         self.feasible && !self.warnings.iter().chain(&self.tube.warnings).any(|warning| warning.kind.is_fatal())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_success_with_an_equivalent_effect_is_told_in_percent() {
+        let other = EquivalentPlan { effect: "interface-slip".into(), probability: 0.8314 };
+        let expected = "With interface-slip instead, which the record cannot distinguish: success in 83.1 % of draws";
+        assert_eq!(other.sentence(), expected);
     }
 }

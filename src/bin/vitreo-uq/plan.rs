@@ -137,6 +137,7 @@ fn words(found: &Plan) -> String {
         lines.push(String::new());
     }
     lines.extend(scenario_lines(&found.tube));
+    lines.extend(found.equivalent.iter().map(|other| format!("  {}", other.sentence())));
     lines.push(match found.feasible {
         true => format!("  Controller's file: {}", found.protocol_file),
         false => "  No controller's file is written, because the plan does not reach the target.".into(),
