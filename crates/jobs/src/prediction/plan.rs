@@ -78,6 +78,11 @@ pub fn run(place: &GelPlace<'_>, request: &PlanRequest, monitor: &dyn Monitor) -
     let tube = predicted(&gel, &planned.ensemble, &scenario, monitor)?;
     let equivalent = equivalent(&source, &scenario, &target, &planned, monitor)?;
     let mut warnings = source.warnings.clone();
+    if let GelPlace::Study(study) = place
+        && study.experiment.control == Control::Force
+    {
+        warnings.extend(against_record(&study.experiment.record.force_n, &planned.steps));
+    }
     warnings.extend(equivalent.iter().filter(|other| other.probability < target.probability).map(|other| Warning {
         kind: WarningKind::ModelIncomplete,
         text: format!(
@@ -181,6 +186,27 @@ fn refuse_outside(scenarios: &[Scenario], target: &Target, size: Option<RobotSiz
             "give a distance in mm that is far smaller than the gel",
         )),
     }
+}
+
+/// Warning about planned forces against the direction of all forces (N) in the record: its apparatus may pull in one direction only.
+fn against_record(record_n: &[f64], steps: &[ForceStep]) -> Option<Warning> {
+    let has = |sign: f64| record_n.iter().any(|force_n| sign * force_n > 0.0);
+    let direction = match (has(1.0), has(-1.0)) {
+        (true, false) => 1.0,
+        (false, true) => -1.0,
+        _ => return None,
+    };
+    let largest_un = steps.iter().fold(0.0_f64, |most, step| most.max(step.force_un.abs()));
+    let against_un = steps.iter().fold(0.0_f64, |most, step| most.max(-direction * step.force_un));
+    (against_un > ROUNDING * largest_un).then(|| Warning {
+        kind: WarningKind::Extrapolation,
+        text: format!(
+            "the plan needs forces of up to {} µN, and all forces in the record are {}: its apparatus may pull in one direction only",
+            format_significant(-direction * against_un, 4),
+            if direction > 0.0 { "positive" } else { "negative" }
+        ),
+        advice: "check that the apparatus applies forces of both directions, or plan a target that needs one direction".into(),
+    })
 }
 
 /// Robot that a plan is for.
@@ -401,6 +427,21 @@ mod tests {
             largest_strain: None,
             rest: None,
         }
+    }
+
+    /// Forces against a record of one direction are named; rounding is no force.
+    #[test]
+    fn forces_against_the_direction_of_the_record_are_named() {
+        let steps = |forces_un: &[f64]| -> Vec<ForceStep> {
+            forces_un.iter().map(|force_un| ForceStep { time_s: 0.0, force_un: *force_un }).collect()
+        };
+        let found = against_record(&[0.0, 4.6e-6], &steps(&[-1.577, 0.0])).expect("a warning");
+        assert!(found.text.contains("up to -1.577 µN, and all forces in the record are positive"), "{}", found.text);
+        let found = against_record(&[0.0, -4.6e-6], &steps(&[-3.0, 1.0])).expect("a warning");
+        assert!(found.text.contains("up to 1.000 µN, and all forces in the record are negative"), "{}", found.text);
+        assert_eq!(against_record(&[4.6e-6, -4.6e-6], &steps(&[-1.577])), None);
+        assert_eq!(against_record(&[4.6e-6], &steps(&[1.577, -1e-12])), None);
+        assert!(!WarningKind::Extrapolation.is_fatal());
     }
 
     /// A bead of 0.55 mm in a gel of 20 mm touches the outer surface after 9.725 mm in both directions.
