@@ -11,6 +11,7 @@ use crate::ensemble::{Ensemble, Gel};
 use crate::free_path::free_path_m;
 use crate::plan::{Target, best_factor, halves};
 use crate::scenario::{Scenario, aspect, diameter_m, resized, slenderer};
+use crate::scenario_file::form;
 
 /// Smallest size that is tried, as a factor of the robot's length and diameter.
 const SMALLEST: f64 = 0.02;
@@ -24,6 +25,8 @@ const N_SIZES: usize = 40;
 const HALVINGS: usize = 24;
 /// Largest number of searches that confirm a size under a limit of the strain.
 const MOST_CONFIRMATIONS: usize = 4;
+/// Largest relative difference of sizes that are equal up to rounding.
+const SAME_SIZE: f64 = 1e-9;
 /// Relative distance from the limit, so that rounding does not lose the draw at the limit.
 const MARGIN: f64 = 1e-6;
 
@@ -56,6 +59,20 @@ impl RobotSize {
             Self::Largest | Self::SmallestMagnet { .. } => resized(robot, factor, factor),
             Self::Longest => slenderer(robot, factor),
         }
+    }
+
+    /// True if the search varies two robots over the same sizes, so that it finds one robot for both.
+    pub fn is_same_search(&self, one: &Robot, other: &Robot) -> bool {
+        let factor = match (self, aspect(one), aspect(other)) {
+            (Self::Longest, Some(one), Some(other)) => other / one,
+            _ => diameter_m(other) / diameter_m(one),
+        };
+        let varied = self.applied(one, factor);
+        let sizes = |robot: &Robot| [aspect(robot).unwrap_or(1.0), diameter_m(robot)];
+        let is_near = |(a, b): (f64, f64)| (a / b - 1.0).abs() < SAME_SIZE;
+        form(&varied.shape) == form(&other.shape)
+            && (varied.density_kg_m3, varied.offset) == (other.density_kg_m3, other.offset)
+            && sizes(&varied).into_iter().zip(sizes(other)).all(is_near)
     }
 
     /// Smallest and largest factor that is tried.
@@ -227,7 +244,25 @@ fn rounded(length_m: f64, towards: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::rounded;
+    use super::{RobotSize, rounded, slenderer};
+    use record::{Orientation, Robot, RobotShape};
+
+    /// The longest robot depends on the volume, the largest one on the ratio of length to diameter.
+    #[test]
+    fn robots_of_one_search_differ_in_the_searched_size_only() {
+        let cylinder = |length_m: f64, diameter_m: f64, orientation| {
+            let shape = RobotShape::Cylinder { length_m, diameter_m, orientation };
+            Robot { shape, density_kg_m3: None, offset: None }
+        };
+        let one = cylinder(2e-3, 0.2e-3, Orientation::Horizontal);
+        let (slender, large) = (slenderer(&one, 2.0), cylinder(4e-3, 0.4e-3, Orientation::Horizontal));
+        assert!(
+            RobotSize::Longest.is_same_search(&one, &slender) && !RobotSize::Largest.is_same_search(&one, &slender)
+        );
+        assert!(RobotSize::Largest.is_same_search(&one, &large) && !RobotSize::Longest.is_same_search(&one, &large));
+        let vertical = cylinder(2e-3, 0.2e-3, Orientation::Vertical);
+        assert!(!RobotSize::Longest.is_same_search(&one, &vertical));
+    }
 
     #[test]
     fn lengths_are_rounded_towards_success() {

@@ -188,7 +188,7 @@ fn named(scenario: &Scenario, what: &str, shape: RobotShape) -> Scenario {
 }
 
 /// Shape and orientation without the sizes; a sphere counts as horizontal.
-fn form(shape: &RobotShape) -> (BodyShape, Orientation) {
+pub(crate) fn form(shape: &RobotShape) -> (BodyShape, Orientation) {
     match *shape {
         RobotShape::Sphere { .. } => (BodyShape::Sphere, Orientation::Horizontal),
         RobotShape::Ellipsoid { orientation, .. } => (BodyShape::Ellipsoid, orientation),

@@ -230,6 +230,10 @@ fn chosen_robot(
     monitor: &dyn Monitor,
 ) -> Result<Chosen> {
     let gel = source.gel();
+    let scenarios = match size {
+        Some(size) => searched(scenarios, size),
+        None => scenarios,
+    };
     let mut comparison = RobotComparison::new(&gel, source.kept.clone());
     let mut compared = Vec::new();
     let is_only = scenarios.len() == 1 && size.is_none();
@@ -283,6 +287,30 @@ fn chosen_robot(
     robots[best].chosen = true;
     let (scenario, target, is_last_tried) = scenarios.swap_remove(best);
     Ok(Chosen { scenario, target, robots, is_last_tried })
+}
+
+/// Scenarios for which a search finds different robots. Several whose robots differ only in the searched size count as one, with the parts of the name that they share.
+fn searched(scenarios: Vec<Scenario>, size: RobotSize) -> Vec<Scenario> {
+    let mut kept: Vec<Scenario> = Vec::new();
+    for scenario in scenarios {
+        let is_same = |other: &&mut Scenario| {
+            let mut with_robot = scenario.clone();
+            (with_robot.name, with_robot.robot) = (other.name.clone(), other.robot);
+            with_robot == **other && size.is_same_search(&other.robot, &scenario.robot)
+        };
+        match kept.iter_mut().find(is_same) {
+            Some(other) => other.name = shared_name(&other.name, &scenario.name),
+            None => kept.push(scenario),
+        }
+    }
+    kept
+}
+
+/// Parts between commas that two names share, at the same places; the first name if there are none.
+fn shared_name(one: &str, other: &str) -> String {
+    let parts = one.split(", ").filter(|part| other.split(", ").any(|of_other| of_other == *part));
+    let shared = parts.collect::<Vec<&str>>().join(", ");
+    if shared.is_empty() { one.into() } else { shared }
 }
 
 /// True if another feasible robot is at least as large and needs at most the same force, and differs in one of both.
@@ -429,6 +457,24 @@ mod tests {
         }
     }
 
+    /// Cylinders of one volume have one longest robot, and three largest ones.
+    #[test]
+    fn a_search_has_one_row_for_each_robot_that_it_can_find() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let path = dir.path().join("robots.toml");
+        let text = "[[scenario]]\nname = \"cylinder\"\n[scenario.robot]\nshape = \"cylinder\"\nlength_mm = 1.97\ndiameter_mm = 0.203\norientation = \"horizontal\"\n[scenario.vitreous]\ndiameter_mm = 20\npoisson_ratio = 0.48\n[scenario.vary]\naspect = [4, 10, 20]\n";
+        let names = |text: &str, size: RobotSize| -> Vec<String> {
+            std::fs::write(&path, text).expect("a file");
+            let all = prediction::scenario_file::read_scenarios(&path, None).expect("scenarios");
+            searched(all, size).into_iter().map(|scenario| scenario.name).collect()
+        };
+        assert_eq!(names(text, RobotSize::Longest), ["cylinder"]);
+        assert_eq!(names(text, RobotSize::Largest).len(), 3);
+        let with_sizes = format!("{text}size = [1, 2]\n");
+        assert_eq!(names(&with_sizes, RobotSize::Longest), ["cylinder, size 1", "cylinder, size 2"]);
+        assert_eq!(names(&with_sizes, RobotSize::Largest)[0], "cylinder, aspect 4");
+    }
+
     /// Forces against a record of one direction are named; rounding is no force.
     #[test]
     fn forces_against_the_direction_of_the_record_are_named() {
@@ -436,7 +482,7 @@ mod tests {
             forces_un.iter().map(|force_un| ForceStep { time_s: 0.0, force_un: *force_un }).collect()
         };
         let found = against_record(&[0.0, 4.6e-6], &steps(&[-1.577, 0.0])).expect("a warning");
-        assert!(found.text.contains("up to -1.577 µN, and all forces in the record are positive"), "{}", found.text);
+        assert!(found.text.contains("up to −1.577 µN, and all forces in the record are positive"), "{}", found.text);
         let found = against_record(&[0.0, -4.6e-6], &steps(&[-3.0, 1.0])).expect("a warning");
         assert!(found.text.contains("up to 1.000 µN, and all forces in the record are negative"), "{}", found.text);
         assert_eq!(against_record(&[4.6e-6, -4.6e-6], &steps(&[-1.577])), None);
