@@ -355,8 +355,10 @@ fn wrong_scenarios_and_targets_are_refused() {
     let none = vitreo(dir.path(), &["predict", "study", "--new-eye", "porcine"]).exits(2);
     none.refuses(&["vitreo-uq groups"]);
     vitreo(dir.path(), &["plan", "study", "--reach-mm", "0", "--within-s", "3"]).exits(2).refuses(&["--reach-mm"]);
-    let sure = ["plan", "study", "--reach-mm", "0.1", "--within-s", "3", "--probability", "1"];
-    vitreo(dir.path(), &sure).exits(2).refuses(&["--probability"]);
+    for probability in ["0", "1", "1.5"] {
+        let unsure = ["plan", "study", "--reach-mm", "0.1", "--within-s", "3", "--probability", probability];
+        vitreo(dir.path(), &unsure).exits(2).refuses(&["--probability", "from 0.5 to 0.999", "more often than it"]);
+    }
 }
 
 /// A gel that slips without friction: an incompressible medium resists a sphere with 4πGa·u in place of 6πGa·u, so that the sphere moves 1.5 times as far

@@ -110,7 +110,7 @@ fn target(arguments: &PlanArguments) -> Result<Target> {
     let probability = arguments.probability;
     if !(0.5..=0.999).contains(&probability) {
         let found = format!("a probability of {probability}");
-        let remedy = "give a probability between 0.5 and 0.999: the draws resolve no larger one";
+        let remedy = "give a probability from 0.5 to 0.999: a force that fails more often than it succeeds is no plan, and the draws resolve no larger one";
         return Err(Error::input(InputPlace::default().at_key("--probability"), found, remedy));
     }
     Ok(Target {
