@@ -14,7 +14,7 @@ use record::Record;
 use crate::body;
 use crate::ensemble::{Draws, Ensemble, Gel};
 use crate::force_history::ForceHistory;
-use crate::quantity::time_to_reach_s;
+use crate::quantity::{ten_digits, time_to_reach_s};
 use crate::scenario::Scenario;
 
 /// Number of other draws that full finite elements check, and their number if a run takes seconds or more.
@@ -43,6 +43,10 @@ const BETWEEN_LIMITS: u32 = 12;
 const ROUNDING: f64 = 1e-6;
 /// Distances from the target that a rest aims at if the strain is limited, as parts of its tolerance: a robot that stops short of the target strains the gel less.
 const AIMS_SHORT: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
+/// Relative distance from the limit of the slew rate at which the rounding of differences does not exceed it.
+const SLEW_ROUNDING: f64 = 1e-12;
+/// Largest number of last digits by which a force is rounded down under a limit of the slew rate.
+const MOST_DIGITS: f64 = 4.0;
 /// Number of rounds in which the sizes and durations of changes are found in turn.
 const SLEW_ROUNDS: usize = 4;
 /// Number of equal intervals of a force that a limited slew rate shapes from the start on, and the largest part of an interval in which the force changes.
@@ -216,9 +220,8 @@ pub fn plan(
     let other = other.with_draws(&unused.thinned(CHECKED[usize::from(other.is_slow())]), 1);
     let full_m = other.full_trajectories_m(&(0..other.parameters.len()).collect::<Vec<usize>>())?;
     let met = full_m.iter().filter(|x| target.is_met(&record, x, other.strain_per_m)).count();
-    let step = |[time_s, n]: &[f64; 2]| ForceStep { time_s: *time_s, force_un: 1e6 * n };
     Ok(PlannedForce {
-        steps: target.stepped(&found.changes).iter().map(step).collect(),
+        steps: target.written(&found.changes),
         is_feasible,
         promised: found.probability,
         checked: met as f64 / full_m.len().max(1) as f64,
@@ -328,6 +331,38 @@ impl Target {
             steps.insert(0, [0.0, 0.0]);
         }
         steps
+    }
+
+    /// Changes of the force as files state them. Under a limit of the slew rate, times and forces have the ten digits of the controller's file, and no force is rounded beyond
+    /// the limit.
+    fn written(&self, changes: &[[f64; 2]]) -> Vec<ForceStep> {
+        let exact = |[time_s, n]: [f64; 2]| ForceStep { time_s, force_un: 1e6 * n };
+        let steps = self.stepped(changes).into_iter().map(exact);
+        let Some(slew_un_per_s) = self.slew_n_per_s.map(|slew| 1e6 * slew * (1.0 - SLEW_ROUNDING)) else {
+            return steps.collect();
+        };
+        let mut written: Vec<ForceStep> = Vec::new();
+        for ForceStep { time_s, force_un } in steps {
+            let (time_s, mut force_un) = (ten_digits(time_s), ten_digits(force_un));
+            if let Some(before) = written.last().copied() {
+                let interval_s = time_s - before.time_s;
+                if interval_s <= 0.0 {
+                    // The next change contains this one.
+                    continue;
+                }
+                let change_un = force_un - before.force_un;
+                let most_un = slew_un_per_s * interval_s;
+                let last_digit_un = 10_f64.powf(force_un.abs().max(before.force_un.abs()).log10().floor() - 9.0);
+                let mut digits = 1.0;
+                while (force_un - before.force_un).abs() > most_un && digits <= MOST_DIGITS {
+                    let smaller_un = (most_un - digits * last_digit_un).max(0.0);
+                    force_un = ten_digits(before.force_un + smaller_un.copysign(change_un));
+                    digits += 1.0;
+                }
+            }
+            written.push(ForceStep { time_s, force_un });
+        }
+        written
     }
 
     /// The largest force from the start on, as its changes.
@@ -784,6 +819,38 @@ mod tests {
     fn a_share_counts_whole_draws() {
         let values = || (1..=20).map(f64::from);
         assert_eq!([0.0, 0.5, 0.95, 0.951, 1.0].map(|p| within_share(values(), p)), [1.0, 10.0, 19.0, 20.0, 20.0]);
+    }
+
+    /// Late and small changes, whose ten digits are coarse beside their steps.
+    #[test]
+    fn written_forces_keep_the_slew_rate_exactly() {
+        let target = Target {
+            reach_m: 1e-3,
+            within_s: 900.0,
+            probability: 0.95,
+            largest_force_n: 1e-3,
+            slew_n_per_s: Some(5e-6),
+            largest_strain: None,
+            rest: None,
+        };
+        let changes = [
+            [0.0, 4.612_345_678_9e-6],
+            [3.3, 1.1e-6],
+            [123.456_789_01, 1.101e-6],
+            [777.777_777_777, -2.345_678_901e-6],
+        ];
+        let steps = target.written(&changes);
+        assert!(steps.len() > 3 * SLEW_STEPS, "{}", steps.len());
+        for pair in steps.windows(2) {
+            let slope = (pair[1].force_un - pair[0].force_un).abs() / (pair[1].time_s - pair[0].time_s);
+            assert!(slope <= 5.0, "{slope} {pair:?}");
+            assert_eq!((ten_digits(pair[1].time_s), ten_digits(pair[1].force_un)), (pair[1].time_s, pair[1].force_un));
+        }
+        let last_un = steps.last().map_or(0.0, |step| step.force_un);
+        assert!((last_un + 2.345_678_901).abs() < 1e-5, "{last_un}");
+        // Without a limit, forces keep all of their digits.
+        let free = Target { slew_n_per_s: None, ..target }.written(&changes);
+        assert!(free.iter().zip(&changes).all(|(step, change)| step.force_un == 1e6 * change[1]));
     }
 
     #[test]

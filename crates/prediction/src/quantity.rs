@@ -223,6 +223,11 @@ pub fn plain(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
+/// A number with ten significant digits, as files for a controller have them.
+pub fn ten_digits(number: f64) -> f64 {
+    format!("{number:.9e}").parse().unwrap_or(number)
+}
+
 /// Position (m) at a time, by a straight line between rows.
 fn position_at_m(record: &Record, position_m: &[f64], at_s: f64) -> f64 {
     let time_s = &record.time_s;

@@ -15,7 +15,7 @@ use posterior::monitor::Monitor;
 use posterior::study::WithProvenance;
 use prediction::ensemble::{self, Draws, Ensemble, Gel};
 use prediction::force_history::ForceHistory;
-use prediction::quantity::{Quantity, percent, time_to_reach_s};
+use prediction::quantity::{Quantity, percent, ten_digits, time_to_reach_s};
 use prediction::scenario::Scenario;
 use prediction::sensitivity::{Inputs, Marginal, covariance_share, indices};
 use prediction::tolerance::Tolerance;
@@ -474,7 +474,7 @@ fn write(source: &GelSource, found: Prediction, seed: u64, monitor: &dyn Monitor
 
 /// A number with ten significant digits, without trailing zeros.
 pub(crate) fn digits(number: f64) -> String {
-    format!("{number:.9e}").parse::<f64>().unwrap_or(number).to_string()
+    ten_digits(number).to_string()
 }
 
 /// Table of the positions of all scenarios. Names with commas or quotation marks are quoted.
