@@ -61,7 +61,7 @@ pub(super) fn specimen_names(tables: &[InspectedTable], of_file: &str) -> Specim
         tables[place].preamble.iter().filter(move |(line, _)| *line > before).map(|(_, text)| text.as_str())
     };
     let of_key = |key: &str| -> Option<Vec<String>> {
-        let value = |place: usize| above(place).filter_map(|line| value_of(line, key)).last();
+        let value = |place: usize| above(place).filter_map(|line| value_of(line, key)).next_back();
         (0..tables.len()).map(value).collect()
     };
     // A sheet's name stands above its first table.
@@ -69,7 +69,7 @@ pub(super) fn specimen_names(tables: &[InspectedTable], of_file: &str) -> Specim
     let sheets = (0..tables.len()).map(|place| {
         sheet = above(place)
             .filter_map(|line| line.strip_prefix(SHEET))
-            .last()
+            .next_back()
             .map(|name| name.trim().into())
             .or(sheet.take());
         sheet.clone()
