@@ -7,6 +7,8 @@ use record::Apparatus;
 
 /// Smallest and largest possible Young's modulus of the gel, in Pa.
 const MODULI_PA: [f64; 2] = [1e-3, 1e7];
+/// Largest possible Young's modulus of a specimen in an instrument, in Pa: a testing machine also holds tendon, polymers and wood.
+const STIFFEST_PA: f64 = 1e12;
 
 /// Finds a displacement that no gel allows for a robot of this size.
 pub(super) fn no_gel(looked: &CheckContext<'_>) -> Option<Contradiction> {
@@ -27,11 +29,15 @@ pub(super) fn no_gel(looked: &CheckContext<'_>) -> Option<Contradiction> {
         }
     };
     let modulus_pa = per_pa_m / looked.range_m;
-    if (MODULI_PA[0]..=MODULI_PA[1]).contains(&modulus_pa) {
+    let (largest_pa, body) = match looked.experiment.apparatus {
+        Apparatus::Instrument { .. } => (STIFFEST_PA, "solid"),
+        _ => (MODULI_PA[1], "gel"),
+    };
+    if (MODULI_PA[0]..=largest_pa).contains(&modulus_pa) {
         return None;
     }
     let text = format!(
-        "a force of {} µN moves the body by {} µm: this needs a Young's modulus of about {} Pa, which no gel has",
+        "a force of {} µN moves the body by {} µm: this needs a Young's modulus of about {} Pa, which no {body} has",
         um(largest_n),
         um(looked.range_m),
         format_significant(modulus_pa, 2)
