@@ -434,7 +434,7 @@ impl OscillationRecord {
             rows.iter_mut().for_each(|row| row.pair[1] = -row.pair[1]);
         }
         refuse_other_signs(&csv_path, &columns, &rows)?;
-        refuse_several_sweeps(&csv_path, columns.form, &rows)?;
+        let as_written = rows.clone();
         sort(&mut rows);
         let poisson_ratio = poisson_ratio(root)?;
         if read_choice(measurement, "moduli", &[false, true], |is_young| if is_young { "young" } else { "shear" })?
@@ -451,6 +451,7 @@ impl OscillationRecord {
             let remedy = "give a table of moduli over frequency; an amplitude sweep shows only where the gel is linear";
             return Err(Error::input(InputPlace::file(&csv_path), found, remedy));
         }
+        refuse_several_sweeps(&csv_path, columns.form, &as_written)?;
         let n_fitted = rows.iter().filter(|row| !row.is_heldout).count();
         if n_fitted < FEWEST_FITTED {
             return Err(Error::input(

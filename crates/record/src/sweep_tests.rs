@@ -268,6 +268,13 @@ fn sweeps_on_different_frequencies_are_compared() {
         let error = tried(sweep(factor, 0.117, is_descending)).unwrap_err().to_string();
         assert!(error.contains("these are several sweeps"), "{factor}: {error}");
     }
+    // Rows of one frequency that drifts are no runs through a range.
+    let drift = |first_hz: f64, storage: u32| -> String {
+        (0..10).map(|k| format!("{},{storage},1\n", first_hz + 1.2e-3 * f64::from(k))).collect()
+    };
+    let drifts = format!("frequency_hz,storage_pa,loss_pa\n{}{}", drift(1.0, 100), drift(1.0006, 200));
+    let error = read(&drifts, "").unwrap_err().to_string();
+    assert!(error.contains("rows have the frequency"), "{error}");
     for (second, n_rows) in [
         (sweep(1.0, 0.117, false), 30),
         (sweep(1.03, 0.117, true), 30),
