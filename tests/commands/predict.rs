@@ -237,7 +237,7 @@ fn plans_name_their_limit_and_rest_at_the_target() {
         (&false.into(), &"force".into(), &0.0.into())
     );
     assert!(far["sentence"].as_str().unwrap().contains("The limit that binds is the force"), "{far}");
-    run(&["--reach-mm", "30"]).refuses(&["outside the gel", "20 mm"]);
+    run(&["--reach-mm", "30"]).refuses(&["outside the gel", "touches after 9.725 mm"]);
     let strained = run(&["--reach-mm", "0.3", "--max-strain", "0.1"]).exits(1).json();
     assert_eq!(strained["limit"], "strain");
     let rest = run(&["--reach-mm", "0.3", "--rest-within-um", "5", "--rest-s", "4", "--max-slew-un-per-s", "20"])
