@@ -1358,6 +1358,12 @@ fn written(text: &str, request: InitRequest) -> Result<(InitSummary, String), St
     Ok((summary, std::fs::read_to_string(out.join("experiment.toml")).expect("a description")))
 }
 
+/// Smallest and largest value of the column with a role, in s, µN or µm.
+fn range_of(summary: &InitSummary, role: &str) -> [f64; 2] {
+    let column = summary.columns.iter().find(|column| column.role == role);
+    column.and_then(|column| column.range).unwrap_or_else(|| panic!("no {role}: {:?}", summary.columns))
+}
+
 #[test]
 fn a_modulus_over_time_is_one_of_a_relaxation_only_if_something_says_so() {
     let table =
@@ -1395,7 +1401,8 @@ fn columns_of_one_name_are_chosen_by_their_number() {
     assert!(refusal.contains("2 columns are called `Shear strain (%)`: those with the numbers 3, 4"), "{refusal}");
     let known_columns = TableSettings { columns: [None, None, said("4"), None], ..TableSettings::default() };
     let (summary, _) = written(&text, InitRequest { known_columns, ..InitRequest::default() }).expect("the second");
-    assert!(summary.columns.iter().any(|column| column.name.contains('4')), "{:?}", summary.columns);
+    let [_, largest] = range_of(&summary, "strain");
+    assert!((largest / 2e4 - 1.0).abs() < 1e-9, "{:?}", summary.columns);
 }
 
 #[test]
@@ -1407,36 +1414,35 @@ fn an_extension_that_is_not_the_strain_is_chosen() {
     written(&table(1.0), InitRequest::default()).expect("both are equal");
     let refusal = written(&table(1.25), InitRequest::default()).expect_err("another extension");
     assert!(refusal.contains("changes by 1.25 mm") && refusal.contains("by 1.00 mm"), "{refusal}");
-    for (name, strain) in [("Strain 1 (%)", "2 %"), ("Extension", "2.5 %")] {
+    let largest = |name: &str| {
         let known_columns = TableSettings { columns: [None, None, said(name), None], ..TableSettings::default() };
         let request = InitRequest { known_columns, ..InitRequest::default() };
-        let summary = written(&table(1.25), request).expect(name).0;
-        let shown = format!("{:?}", summary.columns);
-        assert!(shown.contains(strain.trim_end_matches(" %")), "{name}: {shown}");
-    }
+        range_of(&written(&table(1.25), request).expect(name).0, "strain")[1]
+    };
+    let ratio = largest("Extension (mm)") / largest("Strain 1 (%)");
+    assert!((ratio - 1.25).abs() < 1e-9, "{ratio}");
+    // A strain that is measured across the axis, or that is no small one, shows nothing of the extension.
+    let beside = table(1.25).replace("Strain 1 (%)", "Shear strain (%)");
+    written(&beside, InitRequest::default()).expect("another strain");
 }
 
 /// A commanded force of a tip jumps, and a limit of a drive is no force.
 #[test]
 fn a_commanded_force_of_a_tip_holds() {
     let creep = |t: f64| 900.0 * (1.0 - 0.5 * (-t / 3.0).exp());
-    let tip = |noise_un: f64| {
+    let tip = |ramp: [f64; 2]| {
         let line = |row: usize| {
             let t = 0.1 * row as f64;
-            let (load, depth) = if row == 0 { (0.0, 0.0) } else { (0.02 + noise_un * noise(row), creep(t)) };
+            let load = ramp.get(row).copied().unwrap_or(0.02);
+            let depth = if row == 0 { 0.0 } else { creep(t) };
             format!("{t:.1},{load},{depth:.1}\n")
         };
         "Tip radius: 50 um\nTime (s),Load (uN),Indentation (nm)\n".to_string() + &(0..200).map(line).collect::<String>()
     };
     let is_linear =
         |text: &str| written(text, InitRequest::default()).expect("a tip").1.contains("\nforce = \"linear\"");
-    assert!(!is_linear(&tip(0.0)));
-    let ramp = tip(0.0).replace("0.0,0,0.0", "0.0,0.0,0.0").replacen("0.1,0.02,", "0.1,0.010,", 1).replacen(
-        "0.2,0.02,",
-        "0.2,0.0195,",
-        1,
-    );
-    assert!(is_linear(&ramp));
+    assert!(!is_linear(&tip([0.0, 0.02])));
+    assert!(is_linear(&tip([0.0, 0.0191])), "the end of a ramp");
     let drive =
         rows(|row, [t, f, x]| format!("{t:.2},9.2,{},{x:.1}", if f > 0.0 { 50 } else { 0 } + usize::from(row > 900)));
     let refusal = written(&format!("time (s),Max force (uN),Output (%),x (um)\n{drive}"), InitRequest::default());

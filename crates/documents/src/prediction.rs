@@ -136,7 +136,7 @@ pub struct Sensitivity {
     pub shapley: f64,
     /// Standard error of the Shapley effect.
     pub shapley_se: f64,
-    /// Share of the draws in which the quantity has a value. The indices hold among these draws. It is 1 except for times of arrival.
+    /// Share of the draws in which the quantity has a value. The indices hold among these draws. It is below 1 for arrivals and returns that some draws do not have.
     #[serde(default = "all_draws")]
     pub share_of_draws: f64,
 }
@@ -158,7 +158,7 @@ pub struct GroupShare {
     pub share: f64,
     /// Monte Carlo standard error of the share.
     pub share_se: f64,
-    /// Share of the draws in which the quantity has a value. The share of the variance holds among these draws. It is 1 except for times of arrival.
+    /// Share of the draws in which the quantity has a value. The share of the variance holds among these draws. It is below 1 for arrivals and returns that some draws do not have.
     #[serde(default = "all_draws")]
     pub share_of_draws: f64,
 }

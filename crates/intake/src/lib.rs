@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 mod device;
 mod force_log;
+mod numbers;
 mod preamble;
 mod refusals;
 mod request;
@@ -17,10 +18,11 @@ mod toml;
 
 use self::device::{Device, specimen_length_m};
 use self::force_log::ForceLog;
+use self::numbers::has_numbers;
 use self::preamble::Preamble;
 use self::refusals::{
-    has_numbers, refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies,
-    refuse_flow, refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_other_extension,
+    refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow,
+    refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_other_extension,
     refuse_other_modulus, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency,
     refuse_without_moduli, refuse_without_motion,
 };

@@ -3,14 +3,13 @@
 use std::path::Path;
 
 use super::device::has_position;
+use super::numbers::{has_numbers, numbers_of};
 use super::stress::{ROTATION, STRAIN, StressStrain, called, is_of_relaxation, is_ratio, is_reduced_modulus, is_told};
 use super::sweep::{VISCOSITY, called_moduli, refuse_other_than_moduli, refuse_relative_moduli};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
-use record::table::{
-    ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings, cells, decode_detected,
-};
+use record::table::{ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings};
 use record::{Control, SweepColumn, columns_of, moduli_columns};
 
 /// Beginnings of the names of columns that hold logarithms.
@@ -111,7 +110,7 @@ fn is_multiple(name: &str) -> bool {
     if name
         .trim_start()
         .strip_prefix("10")
-        .is_some_and(|power| power.starts_with(['^', '⁻', '⁺', '²', '³', '⁴', '⁵', '⁶', '⁹']))
+        .is_some_and(|power| power.starts_with(['^', '⁻', '⁺', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹']))
     {
         return true;
     }
@@ -169,27 +168,6 @@ pub(super) fn refuse_amplitudes(
             ),
         )),
     }
-}
-
-/// True if a column holds a number other than 0.
-pub(super) fn has_numbers(bytes: &[u8], looked: &InspectedTable, place: usize) -> bool {
-    !numbers_of(bytes, looked, [place]).is_empty()
-}
-
-/// Numbers of columns with their line, for the rows in which all of them hold a number other than 0.
-pub(super) fn numbers_of<const N: usize>(
-    bytes: &[u8],
-    looked: &InspectedTable,
-    places: [usize; N],
-) -> Vec<(usize, [f64; N])> {
-    let layout = &looked.layout;
-    let text = decode_detected(bytes);
-    let lines = (1..).zip(text.lines()).filter(|(line, _)| layout.table_of(*line).is_some());
-    let rows = lines.map(|(line, text)| {
-        let cells = cells(text, layout.delimiter);
-        (line, places.map(|place| cells.get(place).and_then(|cell| layout.number(cell)).unwrap_or(0.0)))
-    });
-    rows.filter(|(_, numbers)| !numbers.contains(&0.0)).collect()
 }
 
 /// Refuses a frequency that another one in another unit contradicts, so that one of the units is wrong. Sweeps side by side have a frequency each: of several sweeps

@@ -61,15 +61,15 @@ pub(super) fn specimen_names(tables: &[InspectedTable], of_file: &str) -> Specim
         tables[place].preamble.iter().filter(move |(line, _)| *line > before).map(|(_, text)| text.as_str())
     };
     let of_key = |key: &str| -> Option<Vec<String>> {
-        let value = |place: usize| above(place).filter_map(|line| value_of(line, key)).next_back();
+        let value = |place: usize| above(place).rev().find_map(|line| value_of(line, key));
         (0..tables.len()).map(value).collect()
     };
     // A sheet's name stands above its first table.
     let mut sheet = None;
     let sheets = (0..tables.len()).map(|place| {
         sheet = above(place)
-            .filter_map(|line| line.strip_prefix(SHEET))
-            .next_back()
+            .rev()
+            .find_map(|line| line.strip_prefix(SHEET))
             .map(|name| name.trim().into())
             .or(sheet.take());
         sheet.clone()
@@ -77,11 +77,12 @@ pub(super) fn specimen_names(tables: &[InspectedTable], of_file: &str) -> Specim
     let sheets: Option<Vec<String>> = sheets.collect();
     let sheets = sheets.filter(|names| names.iter().all(|name| names_specimen(name)) && n_distinct(names) > 1);
     let of_line = || KEYS.iter().find_map(|key| Some((of_key(key)?, format!("the lines `{key}`"))));
-    match of_line().filter(|_| tables.len() > 1).or_else(|| sheets.map(|names| (names, "the sheets".into()))) {
+    // A line that names one specimen for all tables decides nothing beside sheets of several.
+    let of_line = of_line().filter(|(names, _)| tables.len() > 1 && (sheets.is_none() || n_distinct(names) > 1));
+    match of_line.or_else(|| sheets.map(|names| (names, "the sheets".into()))) {
         Some((names, origin)) => {
             let said = format!(
-                "{} of the specimens are those of {origin}: {}; repeats of one specimen need the same `id` in experiment.toml",
-                if n_distinct(&names) == 1 { "the name" } else { "the names" },
+                "{origin} name the specimens: {}; repeats of one specimen need the same `id` in experiment.toml",
                 listed(&names)
             );
             SpecimenNames { names, said }
@@ -101,7 +102,7 @@ fn value_of(line: &str, key: &str) -> Option<String> {
     let bare = |text: &str| text.trim_matches([' ', '\t', ':', '=', ';', ',', '"', '#', '\r']).to_string();
     let value = bare(value);
     // A row of column names has several cells.
-    let is_single = !value.contains(['\t', ';']);
+    let is_single = !value.contains(['\t', ';', ',']);
     (bare(name).to_lowercase() == key && !value.is_empty() && is_single).then_some(value)
 }
 

@@ -54,6 +54,8 @@ const SETTINGS: [&str; 10] = [
 ];
 /// Beginnings of words of temperatures.
 const TEMPERATURE: [&str; 3] = ["temp", "température", "温度"];
+/// Words of times that begin like a temperature.
+const TIMES: [&str; 3] = ["temps", "tempo", "temporal"];
 /// Units of a temperature whose name is a letter.
 const DEGREES: [&str; 6] = ["°c", "degc", "k", "c", "°f", "℃"];
 /// Words in the name of a frequency that is shifted to the temperature of a master curve.
@@ -92,6 +94,7 @@ impl StateKind {
         let is_letter = words == ["t"] && bracketed(name).is_some_and(|(_, text)| is_degrees(text));
         match () {
             () if is_specimen || has(&SETTINGS) => Some(Self::Label),
+            () if words.iter().any(|word| TIMES.contains(word)) => None,
             () if is_letter || TEMPERATURE.iter().any(|start| words.iter().any(|word| word.starts_with(start))) => {
                 Some(Self::Temperature)
             }
@@ -289,7 +292,7 @@ mod tests {
         let noisy = |row: i32| format!("{:.2}", 25.0 + if row % 2 == 0 { 0.3 } else { -0.3 });
         assert_eq!(refusal("Temperature (°C)", 20, noisy), None);
         // Numbers of rows, other columns, and a repeat.
-        for name in ["Sample", "Point", "Sample time (s)"] {
+        for name in ["Sample", "Point", "Sample time (s)", "Temps [min]", "Tempo (min)"] {
             assert_eq!(refusal(name, 20, |row| row.to_string()), None, "{name}");
         }
         assert_eq!(refusal("Repeat", 20, |row| (row / 10).to_string()), None);

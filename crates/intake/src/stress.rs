@@ -253,7 +253,9 @@ fn only_one<T: Copy>(looked: &InspectedTable, found: &[(usize, T)], setting: Set
         let quantity = quantity(name(place));
         !STRESS.iter().chain(&STRAIN).any(|word| quantity == *word)
     });
-    let is_twice = left[1..].iter().any(|(place, _)| name(*place) == name(left[0].0));
+    let units = &looked.units;
+    let is_twice =
+        left[1..].iter().any(|(place, _)| name(*place) == name(left[0].0) && units[*place] == units[left[0].0]);
     if !is_twice && left.iter().all(|(place, _)| quantity(name(*place)) == quantity(name(left[0].0))) {
         return Ok(left[0]);
     }
@@ -323,13 +325,14 @@ pub(super) fn is_reduced_modulus(name: &str) -> bool {
     let is_symbol =
         name.split(|c: char| c.is_whitespace() || "([,;".contains(c)).any(|word| ["E*", "Er", "E_r"].contains(&word));
     called(name, &["modul"], &["complex"])
-        && (called(name, &["reduced", "plane strain", "indentation"], &[]) || is_symbol)
+        && (called(name, &["plane strain", "indentation"], &[]) || called(name, &["reduced"], &["relax"]) || is_symbol)
 }
 
 /// True if a table of a modulus over time says that it is one of a relaxation, by a word or by a symbol such as `G(t)`. Stiffness over the time of a gelation, of ageing or of a
 /// sweep looks alike.
 pub(super) fn is_of_relaxation(looked: &InspectedTable) -> bool {
-    let has = |words: &[&str]| looked.preamble.iter().any(|(_, line)| called(line, words, &[]));
+    // A rate of sampling is no frequency of a test.
+    let has = |words: &[&str]| looked.preamble.iter().any(|(_, line)| called(line, words, &["sampl", "rate", "acqui"]));
     let is_symbol = |name: &String| {
         let symbol = symbol(name);
         ["g", "e", "g_relax", "e_relax"].contains(&symbol.as_str()) || called(name, &["g(t)", "e(t)"], &[])
@@ -420,7 +423,12 @@ pub(super) fn strain_of_specimen(
             (None, None) => stated_part(name).0?,
         };
         let is_named = named.is_some_and(|named| is_told(named, name, place));
-        (is_named || named.is_none() && called(name, &STRAIN, &RATE)).then_some((place, part))
+        (is_named
+            || named.is_none()
+                && called(name, &STRAIN, &RATE)
+                && !called(name, &MULTIAXIAL, &[])
+                && !called(name, &DEFORMED, &[]))
+        .then_some((place, part))
     });
     let found: Vec<(usize, f64)> = strains.collect();
     let [(place, part)] = found[..] else { return None };

@@ -5,8 +5,8 @@ use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::numbers::numbers_of;
 use super::preamble::Preamble;
-use super::refusals::numbers_of;
 use super::source::TableSource;
 use super::stress::{COMPLIANCE, MULTIAXIAL, UNIAXIAL, called};
 use base::error::{Error, InputPlace, Result, Setting};

@@ -15,6 +15,8 @@ use posterior::study::{ModelSpecification, Study};
 use record::Experiment;
 use sampling::SamplerOptions;
 
+/// File with the state of an interrupted run.
+const STATE: &str = "sampler.state";
 /// Name of a study's first revision.
 pub const FIRST_REVISION: &str = "m0";
 
@@ -35,7 +37,7 @@ pub fn make_first_revision(
     if !(resume && unfinished.join("model.toml").is_file()) {
         artefacts::write_model(&unfinished, &problem.specification, &problem.priors)?;
     }
-    let checkpoint = unfinished.join("sampler.state");
+    let checkpoint = unfinished.join(STATE);
     let seed = options.seed;
     let request = SampleRequest {
         options,
@@ -67,12 +69,17 @@ pub fn kept_surrogate(study: &Study, monitor: &dyn Monitor) -> Option<KeptSurrog
     KeptSurrogate::read(&study.revision_dir(FIRST_REVISION).ok()?, monitor)
 }
 
+/// Directory with the state of an interrupted run; `None` without a state, which a run that failed before its sampling leaves.
+fn unfinished_dir(study: &Study) -> Result<Option<PathBuf>> {
+    Ok(study.unfinished_dir(FIRST_REVISION)?.filter(|dir| dir.join(STATE).is_file()))
+}
+
 /// Refuses to make the first revision of a study with another model than that of an interrupted run, which would be lost.
 ///
 /// # Errors
 /// [`Error::Input`] if an interrupted run has another model or an unknown one.
 pub fn refuse_unfinished(study: &Study, specification: &ModelSpecification) -> Result<()> {
-    let Some(dir) = study.unfinished_dir(FIRST_REVISION)? else { return Ok(()) };
+    let Some(dir) = unfinished_dir(study)? else { return Ok(()) };
     let unfinished = ModelSpecification::of_revision(&dir, &Library::default()).ok();
     if let Some(unfinished) = &unfinished
         && same_model(unfinished, specification)?
@@ -86,9 +93,9 @@ pub fn refuse_unfinished(study: &Study, specification: &ModelSpecification) -> R
     };
     Err(Error::input(
         InputPlace::file(study.dir()).at_key(FIRST_REVISION),
-        format!("the study has no finished revision: a run of `sample`{model} was interrupted"),
+        format!("the study has no finished revision: a run{model} was interrupted"),
         format!(
-            "repeat that run with its options and `{}`, or delete {} to begin with another model",
+            "finish that run by `sample` with its options and `{}`, or delete {} to begin with another model",
             Setting::Resume,
             dir.display()
         ),
@@ -100,10 +107,10 @@ pub fn refuse_unfinished(study: &Study, specification: &ModelSpecification) -> R
 /// # Errors
 /// Errors of [`Study::unfinished_dir`].
 pub fn unfinished_warning(study: &Study) -> Result<Option<String>> {
-    let dir = study.unfinished_dir(FIRST_REVISION)?;
+    let dir = unfinished_dir(study)?;
     Ok(dir.map(|_| {
         format!(
-            "a run of `sample` that would replace {FIRST_REVISION} was interrupted; the present {FIRST_REVISION} is used. Repeat that run with its options and `{}` to finish it",
+            "a run that would replace {FIRST_REVISION} was interrupted; the present {FIRST_REVISION} is used. Finish that run by `sample` with its options and `{}`",
             Setting::Resume
         )
     }))
@@ -155,13 +162,15 @@ mod tests {
         let with_slip = base.clone().with_options(None, &["interface-slip".into()], &[], None, &[]).expect("a model");
         let dir = study.checkpoint_dir(FIRST_REVISION).expect("a directory");
         with_slip.write(&dir.join("model.toml")).expect("a file");
+        // A run that failed before its sampling has no state to be lost.
+        assert!(refuse_unfinished(&study, &base).is_ok());
+        std::fs::write(dir.join(STATE), "state").expect("a file");
         let refusal = refuse_unfinished(&study, &base).expect_err("a refusal").to_string();
-        assert!(refusal.contains("a run of `sample` with interface-slip was interrupted"), "{refusal}");
+        assert!(refusal.contains("a run with interface-slip was interrupted"), "{refusal}");
         assert!(refuse_unfinished(&study, &with_slip).is_ok());
         assert!(unfinished_warning(&study).is_ok_and(|text| text.is_some_and(|text| text.contains("m0 is used"))));
         // A run of an earlier version leaves the state without its model.
         std::fs::remove_file(dir.join("model.toml")).expect("a file");
-        std::fs::write(dir.join("sampler.state"), "state").expect("a file");
         assert!(refuse_unfinished(&study, &base).is_err());
         study.discard_checkpoint(FIRST_REVISION).expect("a directory");
         assert!(refuse_unfinished(&study, &base).is_ok());

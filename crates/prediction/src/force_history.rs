@@ -121,7 +121,11 @@ impl ForceHistory {
         let decimal = if has_commas { Decimal::Comma } else { Decimal::Point };
         let mut steps: Vec<[f64; 2]> = Vec::new();
         for (index, line) in rows {
-            let row = cells(line, delimiter);
+            let mut row = cells(line, delimiter);
+            // Spreadsheets write delimiters behind the last cell.
+            while row.len() > n_cells && row.last().is_some_and(|cell| cell.trim().is_empty()) {
+                row.pop();
+            }
             if row.len() != n_cells {
                 let found = format!("`{}` has {} cells, and the header has {n_cells}", line.trim(), row.len());
                 let remedy = "give every row the cells of the header, with decimal points; for decimal commas, separate the cells by `;`";

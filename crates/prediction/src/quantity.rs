@@ -184,7 +184,7 @@ impl Quantity {
 
     fn sentence(&self, quantiles: [Option<f64>; 3], probability: Option<f64>, end_s: f64) -> String {
         let later = match self {
-            Self::TimeToReach { .. } => format!("later than {} s", plain(end_s)),
+            Self::TimeToReach { .. } => format!("later than {} s or never", plain(end_s)),
             _ => "no value".into(),
         };
         let shown = |value: Option<f64>| value.map_or_else(|| later.clone(), |value| format_significant(value, 4));
@@ -304,7 +304,7 @@ mod tests {
             "{}",
             summary.sentence
         );
-        assert!(summary.sentence.contains("(90 %: 1.150 to later than 5 s)"), "{}", summary.sentence);
+        assert!(summary.sentence.contains("(90 %: 1.150 to later than 5 s or never)"), "{}", summary.sentence);
     }
 
     /// A draw that has not arrived at the end of the prediction arrives later, as far as the prediction knows.
@@ -314,9 +314,9 @@ mod tests {
         let sentence = |values: &[f64]| quantity.summary(values, 3.0).sentence;
         assert_eq!(
             sentence(&[f64::INFINITY; 2]),
-            "time to reach 1000 µm: later than 3 s; within 3 s in 0.0 % of draws"
+            "time to reach 1000 µm: later than 3 s or never; within 3 s in 0.0 % of draws"
         );
         let most = sentence(&[2.9, 2.95, f64::INFINITY, f64::INFINITY, f64::INFINITY]);
-        assert!(most.contains("later than 3 s in the median draw"), "{most}");
+        assert!(most.contains("later than 3 s or never in the median draw"), "{most}");
     }
 }

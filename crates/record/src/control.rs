@@ -60,6 +60,9 @@ const SMOOTH: f64 = 1.0;
 /// Largest change of the force in the row of a jump, as a part of that in the next row, if the force answers there.
 const LATE: f64 = 0.2;
 
+/// Least sum of the changes of a force in blocks of equal duration that shows a trend, as a part of its range.
+const LEAST_TREND: f64 = 0.05;
+
 /// Largest part of the blocks before the peak of a force that falls while the position stays.
 const EARLY: f64 = 0.5;
 /// Least fall of such a force, as a part of its peak, the largest from block to block, and the least that remains.
@@ -94,7 +97,8 @@ impl Control {
                 let by_rows = Changes { force: changes(&force_n), position: changes(&position_m) };
                 let of_time = |values: &[f64]| changes_of(&means_in_time(&time_s, values), values);
                 let in_time = Changes { force: of_time(&force_n), position: of_time(&position_m) };
-                match [by_rows, in_time].map(|changes| changes.control()) {
+                // A record with dense first rows has few changes in time, whose signs are chance or those of a sensor that settles.
+                match [by_rows.control(0, 0.0), in_time.control(FEW_BLOCKS, LEAST_TREND)] {
                     [Self::Force, Self::Force] => Self::Force,
                     _ => Self::Position,
                 }
@@ -280,15 +284,18 @@ impl Changes {
         Self { force: changes(&force_n), position: changes(&position_m) }
     }
 
-    fn control(&self) -> Control {
+    /// Quantity that is commanded. A trend of the force counts with at least `least_pairs` changes during holds that add up to `least_trend` of the range.
+    fn control(&self, least_pairs: usize, least_trend: f64) -> Control {
         let Self { force, position } = self;
         let is_held = |change: &f64| change.abs() < HELD;
         if (position.iter().filter(|change| is_held(change)).count() as f64) < MOSTLY * position.len().max(1) as f64 {
             return Control::Force;
         }
         let pairs = position.windows(2).zip(force.windows(2)).filter(|(x, _)| x.iter().all(is_held));
-        let alike: Vec<bool> = pairs.map(|(_, force)| force[0] * force[1] > 0.0).collect();
-        let is_trend = are_mostly(&alike);
+        let held: Vec<&[f64]> = pairs.map(|(_, force)| force).collect();
+        let alike: Vec<bool> = held.iter().map(|force| force[0] * force[1] > 0.0).collect();
+        let sum: f64 = held.iter().map(|force| force[1]).sum();
+        let is_trend = are_mostly(&alike) && held.len() >= least_pairs && sum.abs() >= least_trend;
         // Noise hides the trend of a slow decay from block to block, but not over a whole hold.
         let held = position.chunk_by(|a, b| is_held(a) == is_held(b)).scan(0, |at, run| {
             *at += run.len();
@@ -493,6 +500,18 @@ mod tests {
         assert_eq!(likely(&stress, &strain), Control::Position);
         let creep = |t: f64| strain(t) * (1.0 - 0.2 * (-(t - 1.5).max(0.0) / 20.0).exp());
         assert_eq!(likely(&strain, &creep), Control::Force);
+    }
+
+    /// Rows are dense at first, the strain saturates, and the sensor of the stress settles by 0.2 %.
+    #[test]
+    fn a_creep_with_dense_first_rows_is_no_relaxation() {
+        for per_decade in [5, 10, 30] {
+            let time_s: Vec<f64> =
+                (0..=4 * per_decade).map(|row| 0.1 * 10.0_f64.powf(f64::from(row) / f64::from(per_decade))).collect();
+            let stress: Vec<f64> = time_s.iter().map(|t| 100.0 * (1.0 - 0.002 * (1.0 - (-t / 300.0).exp()))).collect();
+            let strain: Vec<Option<f64>> = time_s.iter().map(|t| Some(0.1 * (1.0 - 0.7 * (-t / 3.0).exp()))).collect();
+            assert_eq!(Control::likely(&time_s, &stress, &strain), Control::Force, "{per_decade}");
+        }
     }
 
     /// The stress falls at once after the ramp of a measured strain, then it holds: a decay that is no trend.

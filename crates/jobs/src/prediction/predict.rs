@@ -300,10 +300,10 @@ fn disagreement_warnings(found: &Prediction) -> Vec<Warning> {
     disagreeing.map(warning).collect()
 }
 
-/// Share of the draws in which each quantity has a value: all draws, except for times of arrival.
+/// Share of the draws in which each quantity has a value. A time of arrival has none in draws that do not arrive, and a return none where nothing moved.
 fn shares_of_draws(ensemble: &Ensemble, scenario: &Scenario) -> Result<Vec<f64>> {
-    let are_arrivals = scenario.quantities.iter().any(|quantity| matches!(quantity, Quantity::TimeToReach { .. }));
-    if !are_arrivals {
+    let has_gaps = |quantity: &Quantity| matches!(quantity, Quantity::TimeToReach { .. } | Quantity::Return);
+    if !scenario.quantities.iter().any(has_gaps) {
         return Ok(vec![1.0; scenario.quantities.len()]);
     }
     let trajectories_m = ensemble.trajectories_m(0..ensemble.parameters.len())?;
@@ -311,7 +311,7 @@ fn shares_of_draws(ensemble: &Ensemble, scenario: &Scenario) -> Result<Vec<f64>>
         |quantity: &Quantity, x: &[f64]| quantity.value(ensemble.record(), x, ensemble.strain_per_m).is_finite();
     let share = |quantity: &Quantity| {
         let n = trajectories_m.iter().filter(|x| has_value(quantity, x)).count();
-        if matches!(quantity, Quantity::TimeToReach { .. }) { n as f64 / trajectories_m.len() as f64 } else { 1.0 }
+        n as f64 / trajectories_m.len() as f64
     };
     Ok(scenario.quantities.iter().map(share).collect())
 }
@@ -320,11 +320,14 @@ fn shares_of_draws(ensemble: &Ensemble, scenario: &Scenario) -> Result<Vec<f64>>
 fn without_sensitivity(scenario: &Scenario, shares: &[f64]) -> Vec<String> {
     let few = scenario.quantities.iter().zip(shares).filter(|(_, share)| **share < LEAST_SHARE);
     let reason = |(quantity, share): (&Quantity, &f64)| {
+        let is_arrival = matches!(quantity, Quantity::TimeToReach { .. });
         format!(
-            "{}, {}: {} % of the draws arrive by the end. The variance is attributed to its sources if at least half of them do: give a longer duration",
+            "{}, {}: {} % of the draws {}. The variance is attributed to its sources if at least half of them do{}",
             scenario.name,
             quantity.label(),
-            percent(*share)
+            percent(*share),
+            if is_arrival { "arrive by the end" } else { "have a value" },
+            if is_arrival { ": give a longer duration" } else { "" }
         )
     };
     few.map(reason).collect()

@@ -373,6 +373,10 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         let (index, line) = above.first().filter(|_| layout.n_cells > 2)?;
         let layout_of_names = Layout { n_cells: layout.n_cells - 1, ..layout.clone() };
         let mut names = names_in(line, &layout_of_names, n_empty)?;
+        // A line that begins with an empty cell lacks another name.
+        if names.first().is_none_or(String::is_empty) {
+            return None;
+        }
         names.insert(0, String::new());
         has_unnamed_first(&lines[layout.first..], layout).then_some((*index, names))
     };

@@ -220,7 +220,9 @@ fn fit(role: Role, name: &str, unit: Option<&ParsedUnit>) -> Option<u32> {
         plain if parts.iter().any(|part| plain.contains(part)) => 2,
         _ => 0,
     };
-    let words = stem.to_lowercase().replace("full-scale", "fullscale").replace("full scale", "fullscale");
+    // A rate, as in `Load at 5 mm/min`, is no minimum.
+    let words =
+        stem.to_lowercase().replace("full-scale", "fullscale").replace("full scale", "fullscale").replace("/min", "");
     let is_no_course =
         role == Role::Force && words.split(|c: char| !c.is_alphabetic()).any(|word| NO_COURSE.contains(&word));
     if is_no_course {

@@ -29,8 +29,8 @@ impl Independence {
     }
 
     /// Builds the move from draws of the posterior and their log densities. Components are fitted to the draws nearest to each mode, if there are enough
-    /// of them. Further components follow where these describe the draws poorly, if more jumps are accepted with them. Each entry of `points` is one
-    /// draw; `stream` selects where components start.
+    /// of them. For a single mode, further components follow where it describes the draws poorly, if more jumps are accepted with them.
+    /// Each entry of `points` is one draw; `stream` selects where components start.
     pub fn fitted(
         modes: &Modes,
         dimension: usize,
@@ -39,6 +39,10 @@ impl Independence {
         stream: &mut RandomStream,
     ) -> Option<Self> {
         let plain = Self { mixture: TMixture::fitted(modes, dimension, points)? };
+        // A growing mixture can lose a mode with few draws.
+        if modes.len() > 1 {
+            return Some(plain);
+        }
         let few: Vec<Vec<f64>> =
             points.iter().step_by(points.len().div_ceil(MOST_GROWTH_DRAWS).max(1)).cloned().collect();
         let grown = Self { mixture: plain.mixture.grown(&few, stream) };
@@ -59,6 +63,9 @@ impl Independence {
         ratios.iter_mut().for_each(|ratio| *ratio = (*ratio - top).exp());
         ratios.sort_by(f64::total_cmp);
         let (n, total) = (ratios.len(), ratios.iter().sum::<f64>());
+        if n == 0 || total.is_nan() {
+            return [0.0; 2];
+        }
         // The ratio with index k in ascending order is the smaller one of 2(n − k) − 1 of the n² pairs.
         let of_pairs: f64 = ratios.iter().enumerate().map(|(k, ratio)| ratio * (2 * (n - k) - 1) as f64).sum();
         let hard = ratios.get(n / 20).copied().unwrap_or(0.0);
