@@ -77,8 +77,10 @@ pub(super) fn specimen_names(tables: &[InspectedTable], of_file: &str) -> Specim
     let sheets: Option<Vec<String>> = sheets.collect();
     let sheets = sheets.filter(|names| names.iter().all(|name| names_specimen(name)) && n_distinct(names) > 1);
     let of_line = || KEYS.iter().find_map(|key| Some((of_key(key)?, format!("the lines `{key}`"))));
-    // A line that names one specimen for all tables decides nothing beside sheets of several.
-    let of_line = of_line().filter(|(names, _)| tables.len() > 1 && (sheets.is_none() || n_distinct(names) > 1));
+    // A line that names one specimen for all tables decides nothing beside sheets of several, unless these are only counted.
+    let is_counted = |names: &Vec<String>| names.iter().any(|name| !name.contains(char::is_alphabetic));
+    let sheets_count = sheets.as_ref().is_none_or(is_counted);
+    let of_line = of_line().filter(|(names, _)| tables.len() > 1 && (sheets_count || n_distinct(names) > 1));
     match of_line.or_else(|| sheets.map(|names| (names, "the sheets".into()))) {
         Some((names, origin)) => {
             let said = format!(
@@ -99,10 +101,11 @@ pub(super) fn specimen_names(tables: &[InspectedTable], of_file: &str) -> Specim
 /// Value of a line such as `Sample: gel 3`, if it has the key.
 fn value_of(line: &str, key: &str) -> Option<String> {
     let (name, value) = line.split_once([':', '=', '\t', ';', ','])?;
+    let is_of_commas = line[name.len()..].starts_with(',');
     let bare = |text: &str| text.trim_matches([' ', '\t', ':', '=', ';', ',', '"', '#', '\r']).to_string();
     let value = bare(value);
     // A row of column names has several cells.
-    let is_single = !value.contains(['\t', ';', ',']);
+    let is_single = !value.contains(['\t', ';']) && !(is_of_commas && value.contains(','));
     (bare(name).to_lowercase() == key && !value.is_empty() && is_single).then_some(value)
 }
 
@@ -148,6 +151,7 @@ mod tests {
     fn specimens_have_the_names_of_sheets_and_lines() {
         for (above, names, origin) in [
             (["sheet gel-2-10", "sheet gel-2-34"], ["gel-2-10", "gel-2-34"], "the sheets"),
+            (["sheet gel a\nSample: A", "sheet gel b\nSample: A"], ["gel a", "gel b"], "the sheets"),
             (["sheet 1\nSample: A 1", "sheet 2\nSample: A 1"], ["A 1", "A 1"], "`sample`"),
             (["Name:\t\t\tday 0, 1\nSample\t3", "Name:\t\t\tday 0, 2\nSample\t4"], ["3", "4"], "`sample`"),
             (["Name:\t\t\tgel, day 0, 1", "Name:\t\t\tgel, day 0, 2"], ["gel, day 0, 1", "gel, day 0, 2"], "`name`"),
@@ -165,6 +169,7 @@ mod tests {
             ["sheet Creep", "sheet Recovery 2"],
             ["Sample: A", "Operator: B"],
             ["Sample size: 3", "Sample size: 4"],
+            ["Sample,Force (N),Extension (mm)", "Sample,Force (N),Extension (mm)"],
             ["", ""],
         ] {
             let found = specimen_names(&tables(&above), "file");

@@ -60,7 +60,7 @@ const SMOOTH: f64 = 1.0;
 /// Largest change of the force in the row of a jump, as a part of that in the next row, if the force answers there.
 const LATE: f64 = 0.2;
 
-/// Least sum of the changes of a force in blocks of equal duration that shows a trend, as a part of its range.
+/// Least sum of the sizes of the changes of a force in blocks of equal duration that shows a trend, as a part of its range.
 const LEAST_TREND: f64 = 0.05;
 
 /// Largest part of the blocks before the peak of a force that falls while the position stays.
@@ -98,7 +98,7 @@ impl Control {
                 let of_time = |values: &[f64]| changes_of(&means_in_time(&time_s, values), values);
                 let in_time = Changes { force: of_time(&force_n), position: of_time(&position_m) };
                 // A record with dense first rows has few changes in time, whose signs are chance or those of a sensor that settles.
-                match [by_rows.control(0, 0.0), in_time.control(FEW_BLOCKS, LEAST_TREND)] {
+                match [by_rows.control(0, HELD), in_time.control(FEW_BLOCKS, LEAST_TREND)] {
                     [Self::Force, Self::Force] => Self::Force,
                     _ => Self::Position,
                 }
@@ -284,7 +284,7 @@ impl Changes {
         Self { force: changes(&force_n), position: changes(&position_m) }
     }
 
-    /// Quantity that is commanded. A trend of the force counts with at least `least_pairs` changes during holds that add up to `least_trend` of the range.
+    /// Quantity that is commanded. A trend of the force counts with at least `least_pairs` changes during holds whose sizes add up to `least_trend` of the range.
     fn control(&self, least_pairs: usize, least_trend: f64) -> Control {
         let Self { force, position } = self;
         let is_held = |change: &f64| change.abs() < HELD;
@@ -294,8 +294,8 @@ impl Changes {
         let pairs = position.windows(2).zip(force.windows(2)).filter(|(x, _)| x.iter().all(is_held));
         let held: Vec<&[f64]> = pairs.map(|(_, force)| force).collect();
         let alike: Vec<bool> = held.iter().map(|force| force[0] * force[1] > 0.0).collect();
-        let sum: f64 = held.iter().map(|force| force[1]).sum();
-        let is_trend = are_mostly(&alike) && held.len() >= least_pairs && sum.abs() >= least_trend;
+        let size: f64 = held.iter().map(|force| force[1].abs()).sum();
+        let is_trend = are_mostly(&alike) && held.len() >= least_pairs && size >= least_trend;
         // Noise hides the trend of a slow decay from block to block, but not over a whole hold.
         let held = position.chunk_by(|a, b| is_held(a) == is_held(b)).scan(0, |at, run| {
             *at += run.len();
