@@ -105,7 +105,7 @@ fn value_of(line: &str, key: &str) -> Option<String> {
     let bare = |text: &str| text.trim_matches([' ', '\t', ':', '=', ';', ',', '"', '#', '\r']).to_string();
     let value = bare(value);
     // A row of column names has several cells.
-    let is_single = !value.contains(['\t', ';']) && !(is_of_commas && value.contains(','));
+    let is_single = !(value.contains(['\t', ';']) || is_of_commas && value.contains(','));
     (bare(name).to_lowercase() == key && !value.is_empty() && is_single).then_some(value)
 }
 
