@@ -30,4 +30,4 @@ pub use moves::Move;
 pub use options::{Batches, Checkpointing, ConvergenceCriteria, Phase, Progress, RunControl, SamplerOptions};
 pub use random::RandomStream;
 pub use run::{SampleOutcome, sample};
-pub use walkers::{Ensemble, EnsembleState, JumpCount, Kernel};
+pub use walkers::{Ensemble, EnsembleState, Kernel};

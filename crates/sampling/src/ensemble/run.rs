@@ -354,8 +354,7 @@ impl<'a> EnsembleRun<'a> {
         let (points, log_density) = draws.since(draws.n_steps / 2);
         let mut stream = RandomStream::new(self.options.seed, FIT_STREAM);
         let fitted = Independence::fitted(&self.course.modes, draws.dimension, &points, &log_density, &mut stream);
-        self.course.jumps = fitted.map(|q| {
-            let [acceptance, hard] = q.acceptance(&points, &log_density);
+        self.course.jumps = fitted.map(|(q, [acceptance, hard])| {
             let of_hard = if hard < HARD_ACCEPTANCE { 0.5 } else { 1.0 };
             let fraction = self.options.jump_fraction * (acceptance / FULL_JUMP_ACCEPTANCE).clamp(0.1, 1.0) * of_hard;
             (q, fraction)

@@ -3,7 +3,7 @@
 use super::draws::DrawRecord;
 use super::moves::Independence;
 use super::options::{Phase, SamplerOptions};
-use super::walkers::{Ensemble, EnsembleState, JumpCount};
+use super::walkers::{Ensemble, EnsembleState};
 use crate::checkpoint;
 use crate::optimum::Modes;
 use base::Result;
@@ -46,7 +46,6 @@ struct LaneHeader {
     store_every: u64,
     accepted: Vec<u64>,
     stream_positions: Vec<u64>,
-    jumps: JumpCount,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -79,7 +78,6 @@ pub(super) fn to_bytes(problem: &str, course: &AdaptationState, lanes: &[Ensembl
         store_every: lane.record.store_every,
         accepted: state.accepted.clone(),
         stream_positions: state.stream_positions.clone(),
-        jumps: state.jumps,
     };
     let header = Header { course: course.clone(), lanes: lanes.iter().zip(&states).map(lane_header).collect() };
     let header = serde_json::to_string(&header).map_err(|error| {
@@ -125,7 +123,6 @@ pub(super) fn from_bytes(
             log_density: take(w)?,
             accepted: lane.accepted,
             stream_positions: lane.stream_positions,
-            jumps: lane.jumps,
             n_steps: lane.n_steps,
         };
         let record = DrawRecord {

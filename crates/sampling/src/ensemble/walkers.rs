@@ -15,15 +15,6 @@ pub struct Kernel<'a> {
     pub jumps: Option<(&'a Independence, f64)>,
 }
 
-/// Numbers of proposed and accepted jumps, summed over all walkers.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct JumpCount {
-    /// Number of jumps proposed since the end of the burn-in.
-    pub proposed: u64,
-    /// Number of jumps accepted since the end of the burn-in.
-    pub accepted: u64,
-}
-
 /// Ensemble of walkers in two halves. Each half takes its proposals from the positions of the other half, all in one batch.
 ///
 /// With h = `n_walkers / 2` walkers per half, walker w has the index w mod h in the half w / h. The struct holds all data for the next step. Its
@@ -35,7 +26,6 @@ pub struct Ensemble {
     halves: [Half; 2],
     shared: RandomStream,
     proposal: WalkerProposal,
-    jumps: JumpCount,
     n_steps: u64,
 }
 
@@ -69,8 +59,6 @@ pub struct EnsembleState {
     pub accepted: Vec<u64>,
     /// Number of random words read from each walker's stream. The last entry is for the stream that all walkers share.
     pub stream_positions: Vec<u64>,
-    /// Jumps proposed and accepted since the last freeze.
-    pub jumps: JumpCount,
     /// Number of steps that the ensemble has made.
     pub n_steps: u64,
 }
@@ -98,7 +86,7 @@ impl Ensemble {
             floors: vec![0.0; h],
         };
         let shared = RandomStream::new(seed, (1 << 63) | number as u64);
-        Self { dimension, halves: [half(0), half(h)], shared, proposal, jumps: JumpCount::default(), n_steps: 0 }
+        Self { dimension, halves: [half(0), half(h)], shared, proposal, n_steps: 0 }
     }
 
     /// Makes one step: proposes a new position for every walker and accepts or rejects it.
@@ -132,11 +120,7 @@ impl Ensemble {
         half.draw_floors(proposal);
         density.log_density_above(&proposal.positions, &proposal.floors, &mut proposal.log_density);
         check_log_densities(dimension, &proposal.positions, &proposal.log_density)?;
-        let n_accepted = half.accept(proposal, dimension);
-        if jump.is_some() {
-            self.jumps.proposed += n as u64;
-            self.jumps.accepted += n_accepted;
-        }
+        half.accept(proposal, dimension);
         Ok(())
     }
 
@@ -155,10 +139,9 @@ impl Ensemble {
         self.halves.iter().flat_map(|half| half.accepted.iter().copied())
     }
 
-    /// Sets the counts of accepted proposals and of jumps to zero.
+    /// Sets the counts of accepted proposals to zero.
     pub fn reset_acceptance(&mut self) {
         self.halves.iter_mut().for_each(|half| half.accepted.fill(0));
-        self.jumps = JumpCount::default();
     }
 
     /// Appends the positions (layout of [`EnsembleState::positions`]) and log densities of all walkers to the two vectors.
@@ -168,11 +151,6 @@ impl Ensemble {
             self.halves.iter().for_each(|half| positions.extend_from_slice(&half.positions[d * h..(d + 1) * h]));
         }
         self.halves.iter().for_each(|half| log_density.extend_from_slice(&half.log_density));
-    }
-
-    /// Jumps proposed and accepted since the last freeze.
-    pub fn jumps(&self) -> JumpCount {
-        self.jumps
     }
 
     /// Position of a walker, one value per coordinate.
@@ -215,7 +193,6 @@ impl Ensemble {
             log_density,
             accepted: self.accepted().collect(),
             stream_positions: streams.map(RandomStream::position).collect(),
-            jumps: self.jumps,
             n_steps: self.n_steps,
         }
     }
@@ -231,7 +208,7 @@ impl Ensemble {
             }
         }
         ensemble.shared.seek(state.stream_positions[2 * h]);
-        (ensemble.jumps, ensemble.n_steps) = (state.jumps, state.n_steps);
+        ensemble.n_steps = state.n_steps;
         ensemble
     }
 }
@@ -247,15 +224,13 @@ impl Half {
         }
     }
 
-    /// Accepts or rejects the proposal of each walker, and returns the number of walkers that moved.
-    fn accept(&mut self, proposal: &WalkerProposal, dimension: usize) -> u64 {
+    /// Accepts or rejects the proposal of each walker.
+    fn accept(&mut self, proposal: &WalkerProposal, dimension: usize) {
         let n = self.log_density.len();
-        let mut n_accepted = 0;
         for i in 0..n {
             // The floor can be NaN because of a factor 0·∞. The comparison is then false, and the walker stays.
             let accept = proposal.log_density[i] > proposal.floors[i];
             self.accepted[i] += u64::from(accept);
-            n_accepted += u64::from(accept);
             if accept {
                 self.log_density[i] = proposal.log_density[i];
                 for d in 0..dimension {
@@ -263,6 +238,5 @@ impl Half {
                 }
             }
         }
-        n_accepted
     }
 }

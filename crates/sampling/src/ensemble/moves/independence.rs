@@ -30,24 +30,28 @@ impl Independence {
 
     /// Builds the move from draws of the posterior and their log densities. Components are fitted to the draws nearest to each mode, if there are enough
     /// of them. For a single mode, further components follow where it describes the draws poorly, if more jumps are accepted with them.
-    /// Each entry of `points` is one draw; `stream` selects where components start.
+    /// Each entry of `points` is one draw; `stream` selects where components start. Returns the move with its [`Self::acceptance`].
     pub fn fitted(
         modes: &Modes,
         dimension: usize,
         points: &[Vec<f64>],
         log_density: &[f64],
         stream: &mut RandomStream,
-    ) -> Option<Self> {
+    ) -> Option<(Self, [f64; 2])> {
         let plain = Self { mixture: TMixture::fitted(modes, dimension, points)? };
+        let with_acceptance = |q: Self| {
+            let acceptance = q.acceptance(points, log_density);
+            (q, acceptance)
+        };
+        let plain = with_acceptance(plain);
         // A growing mixture can lose a mode with few draws.
         if modes.len() > 1 {
             return Some(plain);
         }
         let few: Vec<Vec<f64>> =
             points.iter().step_by(points.len().div_ceil(MOST_GROWTH_DRAWS).max(1)).cloned().collect();
-        let grown = Self { mixture: plain.mixture.grown(&few, stream) };
-        let [of_plain, of_grown] = [&plain, &grown].map(|q| q.acceptance(points, log_density)[0]);
-        Some(if of_grown > of_plain { grown } else { plain })
+        let grown = with_acceptance(Self { mixture: plain.0.mixture.grown(&few, stream) });
+        Some(if grown.1[0] > plain.1[0] { grown } else { plain })
     }
 
     /// Estimates the probability that a jump is accepted, from draws of the posterior and their log densities: the mean, and that at a point which jumps
