@@ -48,13 +48,13 @@ fn the_page_leads_to_a_plan_for_a_new_eye() {
     assert!((0.95..0.96).contains(&promised), "{promised}");
     // 128 draws at 95 %: the binomial interval of 99.99 % begins at 0.86.
     assert!(number(&plan["probability_checked"]) > 0.86 && plan["full_runs"] == 128, "{plan}");
-    let protocol = std::fs::read_to_string(dir.path().join("eyes/species/plan-protocol.csv")).unwrap();
+    let protocol = std::fs::read_to_string(dir.path().join("gels/species/plan-protocol.csv")).unwrap();
     std::fs::write(dir.path().join("protocol.csv"), &protocol).unwrap();
     let own = block("[[scenario]]").lines().filter(|line| !line.starts_with("force") && !line.starts_with("duration"));
     std::fs::write(dir.path().join("same.toml"), own.collect::<Vec<&str>>().join("\n")).unwrap();
     let again = [
         "predict",
-        "eyes/species",
+        "gels/species",
         "--new-eye",
         "porcine",
         "--scenario",
@@ -74,7 +74,7 @@ fn the_page_leads_to_a_plan_for_a_new_eye() {
 /// Under a constant force the position at 5 s is proportional to the Lethersich law's J(5 s), written out here. The share of the group is the correlation of the two specimens of
 /// each draw of the population.
 fn assert_group_share(dir: &Path, document: &Value) {
-    let table = std::fs::read_to_string(dir.join("eyes/species/new-specimens.csv")).unwrap();
+    let table = std::fs::read_to_string(dir.join("gels/species/new-specimens.csv")).unwrap();
     let mut lines = table.lines();
     assert_eq!(lines.next(), Some("group,draw,young_modulus_pa,viscosity_1_pa_s,viscosity_2_pa_s"));
     let compliance = |line: &str| -> f64 {

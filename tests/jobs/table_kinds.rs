@@ -343,6 +343,9 @@ fn signs_between_thousands_are_told_from_decimal_signs() {
     let text =
         rows(|row, [_, f, x]| format!("{},{},{}", quoted(50.0 * row as f64), quoted(1000.0 * f), quoted(1000.0 * x)));
     assert_is_truth(&format!("Time [ms],Force [nN],Position [nm]\n{text}"), TableSettings::default());
+    // Three decimals in every number of a column are decimals, also beside a column of whole numbers.
+    let beside = rows(|row, [_, f, x]| format!("{};{:.0};{:.3}", 50 * row, 1000.0 * f, 100.0 + x));
+    assert_is_truth(&format!("Zeit [ms];Kraft [nN];Weg [um]\n{beside}"), TableSettings::default());
     // Three decimals in every row are decimals, not thousands.
     let decimals = rows(|_, [t, f, x]| format!("{t:.3};{f:.3};{:.3}", 100.0 + x));
     assert_is_truth(&format!("Zeit [s];Kraft [uN];Weg [um]\n{decimals}"), TableSettings::default());
@@ -1390,6 +1393,120 @@ fn a_modulus_over_time_is_one_of_a_relaxation_only_if_something_says_so() {
     // The slash of a unit divides by no modulus.
     let compliance = relaxed("Time (s),Creep compliance [1/GPa]", |t, _, stress| format!("{t},{}", 9.0 - stress));
     written(&compliance, InitRequest::default()).expect("a compliance in 1/GPa");
+}
+
+/// Checks that the offset of a sensor is fitted, and that `check` finds it where it is not.
+#[test]
+fn the_offset_of_a_sensor_before_a_relaxation_is_fitted() {
+    let table = |offset: f64, direction: f64| {
+        let line = |row: usize| {
+            let t = 0.1 * row as f64;
+            let [strain, stress] = if t < 10.0 { [0.0, 0.0] } else { [5.0, 20.0 + 30.0 * (-(t - 10.0) / 4.0).exp()] };
+            format!("{t:.1},{},{}\n", direction * strain, stress + offset + 0.05 * noise(row))
+        };
+        format!("Time (s),Strain (%),Stress (Pa)\n{}", (0..600).map(line).collect::<String>())
+    };
+    for (offset, direction) in [(7.0, 1.0), (-7.0, 1.0), (7.0, -1.0)] {
+        let text = table(offset, direction);
+        let (summary, experiment, files) =
+            edited(&text, TableSettings::default(), str::to_string).expect("a relaxation");
+        assert_eq!(experiment.control, Control::Position, "{offset}");
+        assert!(
+            experiment.fits_position_offset
+                && summary.reasons.iter().any(|reason| reason.contains("its zero is fitted"))
+        );
+        let commanded = experiment.record.force_n.iter().fold(0.0_f64, |most, x| most.max(*x));
+        assert!((commanded / experiment.record.force_n[300] - 1.0).abs() < 1e-9, "{offset}, {direction}");
+        assert!(!kinds(&experiment, &files).contains(&"zero_off".to_string()), "{offset}");
+        let unfitted = |toml: &str| toml.replace("zero = \"fit\"", "zero = \"first\"");
+        let (_, experiment, files) = edited(&text, TableSettings::default(), unfitted).expect("a relaxation");
+        assert!(kinds(&experiment, &files).contains(&"zero_off".to_string()), "{offset}");
+    }
+    let (_, experiment, files) =
+        edited(&table(0.0, 1.0), TableSettings::default(), str::to_string).expect("a relaxation");
+    assert!(!experiment.fits_position_offset && !kinds(&experiment, &files).contains(&"zero_off".to_string()));
+}
+
+#[test]
+fn the_offset_of_a_force_at_rest_is_found() {
+    let found = |offset_un: f64| {
+        let rest =
+            (0..50).map(|row| format!("{:.3},{offset_un},{:.3}\n", 0.05 * f64::from(row), noise(row as usize + 700)));
+        let pulled = rows(|_, [t, f, x]| format!("{:.3},{},{x:.3}", t + 2.5, f + offset_un));
+        let text = format!("Time (s),Force (uN),Position (um)\n{}{pulled}", rest.collect::<String>());
+        let (_, experiment, files) = read(&text, TableSettings::default()).expect("a record");
+        kinds(&experiment, &files).contains(&"force_off".to_string())
+    };
+    assert!(found(0.8) && found(-0.5) && !found(0.0));
+}
+
+#[test]
+fn shears_compliances_and_stresses_of_specimens_are_told_apart() {
+    let specimen = [Some(25.0), Some(12.0)];
+    let of = |text: &str, specimen| written(text, InitRequest { specimen, ..InitRequest::default() });
+    // A stress beside an extension gives the same description of stress and strain as a force beside it.
+    let by_stress = relaxed("Time (s),Tensile stress (MPa),Extension (mm)", |t, strain, stress| {
+        format!("{t},{},{}", 1e-3 * stress, 25.0 * strain)
+    });
+    let by_force = relaxed("Time (s),Load (N),Extension (mm)", |t, strain, stress| {
+        format!("{t},{},{}", 12e-3 * stress, 25.0 * strain)
+    });
+    let ranges = [&by_stress, &by_force].map(|text| {
+        let (summary, toml) = of(text, specimen).expect("a relaxation");
+        assert!(toml.contains("compliance_per_m = 1.0"), "{toml}");
+        range_of(&summary, "stress")
+    });
+    assert!((ranges[0][1] / ranges[1][1] - 1.0).abs() < 1e-9, "{ranges:?}");
+    let sheared = by_force.replace("Load (N),Extension", "Shear force (N),Shear displacement");
+    assert!(of(&sheared, specimen).expect_err("a shear").contains("divided by its gap"));
+    // A compliance is no strain.
+    let compliance = relaxed("Time (s),Shear stress (Pa),Compliance (1/Pa)", |t, strain, _| format!("{t},10,{strain}"));
+    assert!(of(&compliance, [None; 2]).expect_err("a compliance").contains("is no strain"));
+    let alone = relaxed("Time (s),Compliance (1/Pa)", |t, strain, _| format!("{t},{strain}"));
+    of(&alone, [None; 2]).expect("the remedy");
+    for name in [
+        "引張応力 (Pa)",
+        "压缩应力 (Pa)",
+        "Sforzo di trazione (Pa)",
+        "Esfuerzo de tracción (Pa)",
+        "Сжимающее напряжение (Pa)",
+    ] {
+        let text = relaxed(&format!("t (s),{name},Strain [1]"), |t, strain, stress| format!("{t},{stress},{strain}"));
+        assert!(of(&text, [None; 2]).expect(name).1.contains("compliance_per_m = 1.0"), "{name}");
+    }
+    let parts =
+        relaxed("Time (s),Stress (Pa),Strain (µm/mm)", |t, strain, stress| format!("{t},{stress},{}", 1e3 * strain));
+    assert!((range_of(&of(&parts, [None; 2]).expect("a strain").0, "strain")[1] - 2.0).abs() < 1e-9);
+}
+
+#[test]
+fn samples_beside_an_empty_column_belong_to_their_time() {
+    let text = relaxed("Time [s],Stress [Pa],Strain [%],,Time [s],Stress [Pa],Strain [%]", |t, strain, stress| {
+        format!("{t},{stress},{},,{t},{},{}", 100.0 * strain, 3.0 * stress, 200.0 * strain)
+    });
+    let told = |time: &str| TableSettings { columns: [said(time), None, None, None], ..TableSettings::default() };
+    let stress = |time: &str| {
+        let request = InitRequest { known_columns: told(time), ..InitRequest::default() };
+        range_of(&written(&text, request).expect(time).0, "stress")[1]
+    };
+    assert!((stress("5") / stress("1") - 3.0).abs() < 1e-9);
+}
+
+#[test]
+fn forces_that_mean_a_missing_value_are_refused() {
+    let table = |mark: &str| {
+        let force = |row: usize, force: f64| if [50, 51, 320].contains(&row) { mark.into() } else { force.to_string() };
+        format!(
+            "Time (s),Force (uN),Position (um)\n{}",
+            rows(|row, [t, f, x]| format!("{t:.3},{},{x:.3}", force(row, f)))
+        )
+    };
+    for mark in ["-9999", "99999", "1e30"] {
+        let refused = refused(&table(mark), TableSettings::default());
+        assert!(refused.contains("line 52, `Force (uN)`") && refused.contains("means a missing value"), "{refused}");
+    }
+    let told = TableSettings { blank_force: Some("above".into()), ..TableSettings::default() };
+    assert_is_truth(&table(""), told);
 }
 
 #[test]

@@ -225,10 +225,7 @@ impl Device {
     ) -> Self {
         let length_m =
             specimen_length_m(request, preamble).or_else(|| Some(Size::given(1e-3 * SPECIMEN_LENGTH.ask(ask)?)));
-        let area_m2 = request.specimen[1]
-            .map(|area_mm2| Size::given(1e-6 * area_mm2))
-            .or_else(|| cross_section_m2(preamble))
-            .or_else(|| Some(Size::given(1e-6 * SPECIMEN_AREA.ask(ask)?)));
+        let area_m2 = cross_section_m2(request, preamble).or_else(|| Some(Size::given(1e-6 * SPECIMEN_AREA.ask(ask)?)));
         let (Some(length_m), Some(area_m2)) = (length_m, area_m2) else {
             let because = because.map_or(String::new(), |because| format!("{because}, so "));
             proposal.reasons.push(format!(
@@ -340,8 +337,9 @@ fn significant(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
-/// Cross-section that the lines above a table state, or that follows from its sides or its diameter.
-fn cross_section_m2(preamble: Preamble<'_>) -> Option<Size> {
+/// Cross-section of a specimen that the user gives or the lines above a table state, or that follows from its sides or its diameter.
+pub(super) fn cross_section_m2(request: &InitRequest, preamble: Preamble<'_>) -> Option<Size> {
+    let given = request.specimen[1].map(|area_mm2| Size::given(1e-6 * area_mm2));
     let sides = || {
         let [width, thickness] = [preamble.length_m(&WIDTH)?, preamble.length_m(&THICKNESS)?];
         Some(Size { value: width.value * thickness.value, line: Some(thickness.line) })
@@ -350,7 +348,7 @@ fn cross_section_m2(preamble: Preamble<'_>) -> Option<Size> {
         let diameter = preamble.length_m(&DIAMETER)?;
         Some(Size { value: 0.25 * PI * diameter.value * diameter.value, line: Some(diameter.line) })
     };
-    preamble.area_m2(&AREA).map(Size::from).or_else(sides).or_else(round)
+    given.or_else(|| preamble.area_m2(&AREA).map(Size::from)).or_else(sides).or_else(round)
 }
 
 /// Name of the column of the position, if a testing machine writes it.

@@ -16,22 +16,22 @@ mod stress;
 mod sweep;
 mod toml;
 
-use self::device::{Device, specimen_length_m};
+use self::device::{Device, cross_section_m2, specimen_length_m};
 use self::force_log::ForceLog;
 use self::numbers::has_numbers;
 use self::preamble::Preamble;
 use self::refusals::{
     refuse_amplitudes, refuse_changed_columns, refuse_changed_numbers, refuse_contradictory_frequencies, refuse_flow,
     refuse_flow_curve, refuse_gap_of_rheometer, refuse_one_column_for_two, refuse_other_extension,
-    refuse_other_modulus, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns, refuse_without_frequency,
-    refuse_without_moduli, refuse_without_motion,
+    refuse_other_modulus, refuse_ratio, refuse_relaxation_of_tip, refuse_several_columns, refuse_sheared_specimen,
+    refuse_without_frequency, refuse_without_moduli, refuse_without_motion,
 };
 pub use self::request::InitRequest;
 use self::source::TableSource;
 use self::specimens::{SpecimenNames, specimen_names};
 use self::start::{Start, has_absolute_strain, is_stretch, opposes};
 use self::states::refuse_labelled_states;
-use self::stress::{StressStrain, says_relaxation, strain_of_specimen};
+use self::stress::{StressStrain, says_relaxation, strain_of_specimen, stress_of_specimen};
 use self::sweep::{describe_sweep, refuse_relative_moduli, remarks, with_told_units};
 use self::toml::{AXES, experiment_toml};
 use base::error::{Error, InputPlace, Result, Setting};
@@ -60,6 +60,9 @@ pub fn run(request: &InitRequest, ask: Ask<'_>) -> Result<(InitSummary, String)>
     let log = log.as_ref();
     let mut request = request.clone();
     request.known_columns.force_is_elsewhere = log.is_some();
+    if source.has_stored_numbers {
+        request.known_columns.thousands.get_or_insert_with(|| "none".into());
+    }
     let request = &request;
     let out = request.out.clone().unwrap_or_else(|| source.stem().into());
     let mut summary = if request.known_columns.track[1].as_deref() == Some(ALL_TRACKS) {
@@ -128,11 +131,18 @@ fn one(
         }
         _ => None,
     };
+    let stress = match &looked {
+        Some(looked) if creep.is_none() && strain.is_none() => {
+            let area_m2 = cross_section_m2(&request, Preamble(&looked.preamble));
+            area_m2.and_then(|area_m2| stress_of_specimen(&request, looked, area_m2.value))
+        }
+        _ => None,
+    };
     // A strain beside a position is read if the user names it.
     let has_length =
         |looked: &InspectedTable| looked.units.iter().flatten().any(|unit| unit.dimension == Dimension::Length);
     let is_beside = request.known_columns.columns[2].is_none() && looked.as_ref().is_some_and(has_length);
-    let read = strain.as_ref().filter(|_| !is_beside);
+    let read = strain.as_ref().filter(|_| !is_beside).or(stress.as_ref());
     let given = creep.as_ref().map(|creep| &creep.given).or(read);
     let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
     if read.is_some() {
@@ -151,7 +161,7 @@ fn one(
             if let Some(looked) = looked.as_ref().filter(|_| request.specimen.iter().any(Option::is_some)) {
                 creep.take_for_tension(looked, "sizes of a specimen between grips or plates are given");
             }
-            creep.refuse_large_plain(proposal.farthest_written_m())?;
+            creep.refuse_unlikely_plain(proposal.first_written_m, proposal.farthest_written_m())?;
             if !is_stretch(&proposal, Some(&creep)) {
                 proposal.reasons.extend(creep.plain_remark());
             }
@@ -169,13 +179,23 @@ fn one(
         None => {
             let preamble = Preamble(looked.as_ref().map_or(&[], |looked| &looked.preamble));
             refuse_gap_of_rheometer(place, &request.known_columns, &proposal)?;
-            Device::of(&request, preamble, &mut proposal, ask)
+            let device = Device::of(&request, preamble, &mut proposal, ask);
+            refuse_sheared_specimen(place, &device, &proposal)?;
+            device
         }
     };
     let constant = device.stress_strain().and_then(|creep| creep.constant);
     let is_held_strain = device.stress_strain().is_some()
         && (proposal.holds_as_written || proposal.is_steadier && looked.as_ref().is_some_and(says_relaxation));
-    let likely = if is_held_strain { Control::Position } else { proposal.control };
+    // A relaxation of a tip has no model.
+    let holds_tip = device.is_tip() && proposal.force_holds;
+    let likely = if is_held_strain {
+        Control::Position
+    } else if holds_tip {
+        Control::Force
+    } else {
+        proposal.control
+    };
     let control = request.control.or(constant).unwrap_or(likely);
     if control == Control::Position || constant.is_some() || device.is_tip() {
         proposal.read_as_measured_force();
@@ -235,11 +255,16 @@ fn one(
     }
     if control == Control::Position {
         proposal.count_commanded_positions();
+        let [commanded, measured] = match device.stress_strain() {
+            Some(_) => ["strain", "stress"],
+            None => ["position", "force"],
+        };
+        if proposal.has_force_offset {
+            proposal.reasons.push(format!(
+                "the {measured} is not 0 before the {commanded} changes: its zero is fitted with the model (zero = \"fit\"), and the {commanded} counts from the first row"
+            ));
+        }
         if proposal.acts_from_row {
-            let [commanded, measured] = match device.stress_strain() {
-                Some(_) => ["strain", "stress"],
-                None => ["position", "force"],
-            };
             proposal.reasons.push(format!(
                 "the {commanded} jumps, and the {measured} answers in the row after each jump: each {commanded} acts from its row on (command = \"hold\")"
             ));
@@ -478,7 +503,8 @@ fn columns(proposal: &TableProposal, stress_strain: Option<&StressStrain>) -> Ve
         unit,
         range,
     };
-    let micro = |range: [f64; 2]| Some(range.map(|x| 1e6 * x));
+    // A draft has no positions yet.
+    let micro = |range: [f64; 2]| Some(range.map(|x| 1e6 * x)).filter(|_| range[0].is_finite());
     let mut columns = vec![column(
         "time",
         &time.0,

@@ -2,14 +2,16 @@
 
 use std::path::Path;
 
-use super::device::has_position;
+use super::device::{Device, has_position};
 use super::numbers::{has_numbers, numbers_of};
-use super::stress::{ROTATION, STRAIN, StressStrain, called, is_of_relaxation, is_ratio, is_reduced_modulus, is_told};
+use super::stress::{
+    MULTIAXIAL, ROTATION, STRAIN, StressStrain, called, is_of_relaxation, is_ratio, is_reduced_modulus, is_told,
+};
 use super::sweep::{VISCOSITY, called_moduli, refuse_other_than_moduli, refuse_relative_moduli};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::units::Dimension;
 use figures::number::format_significant;
-use record::table::{ColumnName, InspectedTable, TableDescription, TableProposal, TableSettings};
+use record::table::{ColumnName, InspectedTable, PositionColumns, TableDescription, TableProposal, TableSettings};
 use record::{Control, SweepColumn, columns_of, moduli_columns};
 
 /// Beginnings of the names of columns that hold logarithms.
@@ -228,6 +230,29 @@ pub(super) fn refuse_relaxation_of_tip(place: &Path) -> Error {
             Setting::Tables
         ),
     )
+}
+
+/// Refuses force and displacement of a specimen in shear.
+///
+/// # Errors
+/// [`Error::Input`] for a specimen with such a column.
+pub(super) fn refuse_sheared_specimen(place: &Path, device: &Device, proposal: &TableProposal) -> Result<()> {
+    let TableDescription { force, position, .. } = &proposal.description;
+    let position = match position {
+        Some((PositionColumns::Along(name), _)) => Some(name),
+        _ => None,
+    };
+    let names = [force.as_ref().map(|(name, _)| name), position].into_iter().flatten().map(ColumnName::to_string);
+    let is_specimen =
+        matches!(device, Device::Specimen) || device.stress_strain().is_some_and(|own| own.is_of_specimen);
+    match names.filter(|_| is_specimen).find(|name| called(name, &MULTIAXIAL, &[])) {
+        None => Ok(()),
+        Some(name) => Err(Error::input(
+            InputPlace::file(place).at_key(name),
+            "a specimen in shear is strained by its displacement divided by its gap, and the sizes of a specimen are read for tension and compression only",
+            "write the shear stress and the shear strain into columns such as `Shear stress [Pa]` and `Shear strain [1]`",
+        )),
+    }
 }
 
 /// Refuses the same column for two quantities.

@@ -17,6 +17,8 @@ pub struct TableSource {
     pub bytes: Vec<u8>,
     /// Sentences about the conversion; empty for a text file.
     pub notes: Vec<String>,
+    /// True if the file stores numbers, which have no signs between thousands.
+    pub has_stored_numbers: bool,
     /// Origin of the table for the key `source`: the container and its hash, or "not stated".
     pub origin: String,
 }
@@ -30,7 +32,8 @@ impl TableSource {
         let bytes = files::read(file, Content::Table, "give a table that can be read")?;
         let name = file_name(file)?;
         let Some(Converted { format, text, mut notes, keeps_lines }) = convert(file, &bytes)? else {
-            return Ok(Self { place: file.into(), name, bytes, notes: Vec::new(), origin: "not stated".into() });
+            let origin = "not stated".into();
+            return Ok(Self { place: file.into(), name, bytes, notes: Vec::new(), has_stored_numbers: false, origin });
         };
         let origin = format!("{format} {name}, SHA-256 {}", sha256_hex(&bytes));
         let bytes = text.into_bytes();
@@ -40,6 +43,7 @@ impl TableSource {
                 name,
                 bytes,
                 notes: vec![format!("the {format} is converted to UTF-8")],
+                has_stored_numbers: false,
                 origin,
             });
         }
@@ -50,6 +54,7 @@ impl TableSource {
             name: format!("{stem}.tsv"),
             bytes,
             notes,
+            has_stored_numbers: true,
             origin,
         })
     }

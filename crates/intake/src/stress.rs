@@ -48,10 +48,12 @@ const RATE: [&str; 9] =
 /// Units of a strain as a plain number.
 const PLAIN: [&str; 2] = ["1", "-"];
 /// Words and symbols in a strain's name that state its unit, the longer ones first.
-const PARTS: [(&str, f64); 16] = [
+const PARTS: [(&str, f64); 18] = [
     ("microstrain", 1e-6),
     ("ustrain", 1e-6),
     ("µstrain", 1e-6),
+    ("um/mm", 1e-3),
+    ("µm/mm", 1e-3),
     ("um/m", 1e-6),
     ("µm/m", 1e-6),
     ("µε", 1e-6),
@@ -67,23 +69,55 @@ const PARTS: [(&str, f64); 16] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-pub(super) const UNIAXIAL: [&str; 11] = [
+pub(super) const UNIAXIAL: [&str; 26] = [
     "tensil",
     "tension",
     "elongation",
     "élongation",
     "allongement",
-    "compress",
+    "compres",
     "axial",
     "young",
     "zug",
     "druck",
     "traction",
+    "tracci",
+    "trazione",
+    "tração",
+    "растяг",
+    "растяж",
+    "сжат",
+    "сжим",
+    "引張",
+    "引っ張り",
+    "圧縮",
+    "拉伸",
+    "压缩",
+    "壓縮",
+    "인장",
+    "압축",
 ];
 /// Words of stresses and strains that name such a test, unless a column is of a rotation.
 const OF_LENGTH: [&str; 5] = ["engineering", "nominal", "true stress", "true strain", "stauchung"];
 /// Words in the names of columns of a rotating rheometer.
-pub(super) const ROTATION: [&str; 7] = ["torque", "shear", "rotation", "drehmoment", "scher", "schubs", "cisail"];
+pub(super) const ROTATION: [&str; 16] = [
+    "torque",
+    "shear",
+    "rotation",
+    "drehmoment",
+    "scher",
+    "schubs",
+    "cisail",
+    "cisalh",
+    "cizall",
+    "cortante",
+    "taglio",
+    "сдвиг",
+    "せん断",
+    "剪断",
+    "剪切",
+    "전단",
+];
 /// Words in the names of positions that testing machines write.
 pub(super) const OF_SPECIMEN: [&str; 11] = [
     "extension",
@@ -105,7 +139,23 @@ const MOTION: [&str; 5] = ["displac", "déplac", "weg", "position", "travel"];
 /// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
-pub(super) const MULTIAXIAL: [&str; 6] = ["biaxial", "triaxial", "shear", "scher", "schubs", "cisail"];
+pub(super) const MULTIAXIAL: [&str; 15] = [
+    "biaxial",
+    "triaxial",
+    "shear",
+    "scher",
+    "schubs",
+    "cisail",
+    "cisalh",
+    "cizall",
+    "cortante",
+    "taglio",
+    "сдвиг",
+    "せん断",
+    "剪断",
+    "剪切",
+    "전단",
+];
 /// Words in the names of stresses and strains that are not those of the test: settings, statistics, other directions, and parts of another quantity.
 const BESIDE: [&str; 42] = [
     "normal",
@@ -153,6 +203,8 @@ const BESIDE: [&str; 42] = [
 ];
 /// Largest strain that is taken as a plain number if no unit is stated. A larger one is more likely in percent.
 const LARGEST_PLAIN: f64 = 1.0;
+/// Largest difference from 1 of the first or largest value of a modulus or compliance without a unit that may be relative.
+const NEAR_ONE: f64 = 0.05;
 /// Names of the length of a specimen between grips.
 const GAUGE: [&str; 5] = ["gauge length", "gage length", "specimen length", "grip separation", "einspannlänge"];
 /// Poisson's ratio of a specimen that is nearly all water.
@@ -346,15 +398,19 @@ fn has_no_unit(name: &str) -> bool {
     name.ends_with("(t)") || !name.ends_with([')', ']'])
 }
 
-/// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
-fn per_pa(name: &str, symbol: &str) -> Option<f64> {
+/// Unit that the name of a compliance states, in brackets or behind its words; `None` without one.
+fn unit_of_compliance(name: &str) -> Option<String> {
     let behind = || {
         let (stem, text) = [" in ", "/"].iter().find_map(|joint| name.split_once(joint))?;
         let is_unit = ["Pa", "psi", "bar", "/N"].iter().any(|unit| text.contains(unit));
         is_unit.then(|| if stem.ends_with(" 1") { format!("1/{text}") } else { text.to_string() })
     };
-    let stated = bracketed(name).filter(|_| !has_no_unit(name)).map(|(_, text)| text.to_string());
-    let Some(text) = stated.or_else(behind) else {
+    bracketed(name).filter(|_| !has_no_unit(name)).map(|(_, text)| text.to_string()).or_else(behind)
+}
+
+/// Size of the unit of a compliance in 1/Pa. A name without a unit is in 1/Pa, unless it is only a letter. `None` for another unit.
+fn per_pa(name: &str, symbol: &str) -> Option<f64> {
+    let Some(text) = unit_of_compliance(name) else {
         return (symbol.len() > 1 || name.ends_with("(t)")).then_some(1.0);
     };
     let text = text.replace(" / ", "/");
@@ -402,6 +458,58 @@ fn refuse_unknown_unit(looked: &InspectedTable, given: &TableSettings) -> Result
         "the unit of this column is not known",
         format!("write its values in {plain} into the table, and name it as in `{example}`"),
     ))
+}
+
+/// Refuses a compliance beside a stress: the strain from which it was computed is not in the table.
+///
+/// # Errors
+/// [`Error::Input`] for such a column, if no other column is a strain.
+fn refuse_compliance_beside_stress(
+    looked: &InspectedTable,
+    stresses: &[(usize, f64)],
+    strains: &[(usize, Option<f64>)],
+) -> Result<()> {
+    let name = |place: usize| looked.columns[place].as_str();
+    let is_compliance = |place: usize| called(name(place), &COMPLIANCE, &OF_FREQUENCY);
+    let found = (0..looked.columns.len()).find(|place| is_compliance(*place));
+    let (Some(compliance), [(stress, _), ..]) = (found, stresses) else { return Ok(()) };
+    if strains.iter().any(|(place, _)| !is_compliance(*place)) {
+        return Ok(());
+    }
+    Err(Error::input(
+        InputPlace::default().at_key(name(compliance)),
+        format!("a compliance beside `{}` is no strain, and the table has none", name(*stress)),
+        "multiply the compliance by the stress into a column such as `Strain [1]`; or delete the column of the stress if the stress never changes: the compliance is then read alone",
+    ))
+}
+
+/// Settings for a machine's stress beside an extension, for a specimen of known cross-section: the stress is read as a force. `None` if the table has no such column, or several,
+/// or a force.
+pub(super) fn stress_of_specimen(
+    request: &InitRequest,
+    looked: &InspectedTable,
+    area_m2: f64,
+) -> Option<TableSettings> {
+    let given = &request.known_columns;
+    let has_dimension = |dimension| looked.units.iter().flatten().any(|unit| unit.dimension == dimension);
+    let named = given.columns[1].as_ref();
+    if named.is_none() && has_dimension(Dimension::Force) || !has_dimension(Dimension::Length) {
+        return None;
+    }
+    let told = given.units[1].as_deref().map(unit);
+    let columns = looked.columns.iter().zip(&looked.units).enumerate();
+    let stresses = columns.filter_map(|(place, (name, unit))| {
+        let size = told.clone().unwrap_or_else(|| unit.clone()).filter(|unit| unit.dimension == Dimension::Pressure)?;
+        let is_stress =
+            called(name, &STRESS, &RATE) && !called(name, &MULTIAXIAL, &[]) && !called(name, &DEFORMED, &[]);
+        named.map_or(is_stress, |named| is_told(named, name, place)).then(|| (place, size.to_si(1.0)))
+    });
+    let found: Vec<(usize, f64)> = stresses.collect();
+    let [(place, pa)] = found[..] else { return None };
+    let mut settings = given.clone();
+    settings.columns[1] = Some((place + 1).to_string());
+    settings.units[1] = Some(format!("{:e} N", pa * area_m2));
+    Some(settings)
 }
 
 /// Settings for a strain beside a machine's force, for a specimen of known length: the strain is read as a position. `None` if the table has no such column, or several.
@@ -486,6 +594,7 @@ impl StressStrain {
             return Self::told(looked, given, [stress, strain], poisson_ratio);
         }
         let told_strain = strain;
+        let told_compliance = given.units[2].as_deref().and_then(|text| per_pa(&format!("J ({text})"), "J"));
         // Column that the user names for a role, by its name or its number.
         let named = |role: usize| {
             let name = given.columns[role].as_ref()?;
@@ -536,6 +645,7 @@ impl StressStrain {
                 is_called(2, name, &STRAIN).then_some((place, part))
             })
             .collect();
+        refuse_compliance_beside_stress(looked, &stresses, &strains)?;
         let (stress, strain) = match (&stresses[..], &strains[..]) {
             ([], _) | (_, []) => (None, None),
             _ => (
@@ -557,7 +667,7 @@ impl StressStrain {
             }
             (Some(stress), Some((place, Some(part)))) => (stress, (place, part), None),
             // The only column of values serves as both quantities until the table is described.
-            _ => match Self::published(looked, [named(1), named(2)]) {
+            _ => match Self::published(looked, [named(1), named(2)], [told_stress, told_compliance]) {
                 Some((column, control)) => (column, column, Some(control)),
                 None => return refuse_unknown_unit(looked, given).map(|()| None),
             },
@@ -570,10 +680,14 @@ impl StressStrain {
                 || constant.is_some() && is_of_young(name(place))
         });
         let names = || [stress.0, strain.0].into_iter().map(name);
-        let is_open = !is_uniaxial && constant.is_none() && !names().any(|name| called(name, &MULTIAXIAL, &[]));
+        let is_open = !is_uniaxial && !names().any(|name| called(name, &MULTIAXIAL, &[]));
         let uniaxial_because = if is_open { said_beside(looked) } else { None };
         let is_uniaxial = is_uniaxial || uniaxial_because.is_some();
-        let has_stated = looked.units[strain.0].is_some() || told_strain.is_some() || constant.is_some();
+        let has_stated = match constant {
+            None => looked.units[strain.0].is_some() || told_strain.is_some(),
+            Some(Control::Position) => looked.units[strain.0].is_some() || told_stress.is_some(),
+            Some(Control::Force) => told_compliance.is_some() || unit_of_compliance(name(strain.0)).is_some(),
+        };
         let number = |(place, _): (usize, f64)| Some((place + 1).to_string());
         Ok(Some(Self {
             given: TableSettings {
@@ -613,7 +727,7 @@ impl StressStrain {
 
     /// Remark that a strain is taken for a plain number; `None` if its unit is stated.
     pub fn plain_remark(&self) -> Option<String> {
-        self.is_assumed_plain.then(|| {
+        (self.is_assumed_plain && self.constant.is_none()).then(|| {
             format!(
                 "no unit of the strain is stated: it is taken for a plain number, of which 1 is 100 %; for percent give `{} %`",
                 Setting::PositionUnit
@@ -621,12 +735,35 @@ impl StressStrain {
         })
     }
 
-    /// Refuses strains without a stated unit that are too large for a plain number. `largest` is the largest absolute strain.
+    /// Refuses values without a stated unit: strains that are too large for a plain number, and a modulus or a compliance whose first or largest value is about 1, as if it
+    /// were divided by that value. `largest` is the largest absolute value.
     ///
     /// # Errors
-    /// [`Error::Input`] for such strains.
-    pub fn refuse_large_plain(&self, largest: f64) -> Result<()> {
-        if !self.is_assumed_plain || largest <= LARGEST_PLAIN {
+    /// [`Error::Input`] for such values.
+    pub fn refuse_unlikely_plain(&self, first: Option<f64>, largest: f64) -> Result<()> {
+        if !self.is_assumed_plain {
+            return Ok(());
+        }
+        if let Some(constant) = self.constant {
+            let is_near_one = |value: f64| (value.abs() - 1.0).abs() < NEAR_ONE;
+            if ![first, Some(largest)].into_iter().flatten().any(is_near_one) {
+                return Ok(());
+            }
+            let (setting, name, unit) = match constant {
+                Control::Position => (Setting::ForceUnit, "modulus", "Pa"),
+                Control::Force => (Setting::PositionUnit, "compliance", "1/Pa"),
+            };
+            return Err(Error::input(
+                InputPlace::setting(setting),
+                format!(
+                    "no unit of the {name} is stated, and its first or largest value is about 1, as if it were divided by that value"
+                ),
+                format!(
+                    "give the unit, as in `{setting} {unit}`; multiply a relative {name} by the value that it was divided by"
+                ),
+            ));
+        }
+        if largest <= LARGEST_PLAIN {
             return Ok(());
         }
         Err(Error::input(
@@ -679,7 +816,11 @@ impl StressStrain {
 
     /// Column of a modulus or a compliance over time, as its index and the size of its unit in SI units, with the quantity that is commanded. `None` unless the table has
     /// one such column, or the user names it as force or position, and none of the quantities that it was computed from.
-    fn published(looked: &InspectedTable, named: [Option<usize>; 2]) -> Option<((usize, f64), Control)> {
+    fn published(
+        looked: &InspectedTable,
+        named: [Option<usize>; 2],
+        [told_modulus, told_compliance]: [Option<f64>; 2],
+    ) -> Option<((usize, f64), Control)> {
         let columns = || looked.columns.iter().zip(&looked.units).enumerate();
         // A modulus or a compliance beside the quantities from which it was computed is not read. A compliance beside the strain alone is: the stress is not in the table.
         let measures = |words: &[&str]| {
@@ -702,10 +843,14 @@ impl StressStrain {
                         if unit.dimension == Dimension::Pressure
                             && (is_modulus || ["g", "e"].contains(&symbol.as_str())) =>
                     {
-                        Some(((place, unit.to_si(1.0)), Control::Position))
+                        Some(((place, told_modulus.unwrap_or(unit.to_si(1.0))), Control::Position))
                     }
-                    None if is_modulus && has_no_unit(name) => Some(((place, 1.0), Control::Position)),
-                    None if is_compliance => Some(((place, per_pa(name, &symbol)?), Control::Force)),
+                    None if is_modulus && (has_no_unit(name) || told_modulus.is_some()) => {
+                        Some(((place, told_modulus.unwrap_or(1.0)), Control::Position))
+                    }
+                    None if is_compliance => {
+                        Some(((place, told_compliance.or_else(|| per_pa(name, &symbol))?), Control::Force))
+                    }
                     _ => None,
                 }
             })
@@ -743,10 +888,7 @@ impl StressStrain {
             1.0 => "compliance_per_m = 1, because a column is of tension or compression; write 2 + 2ν for shear".into(),
             shear => format!("compliance_per_m = {shear} = 2 + 2ν for shear; write 1 for tension"),
         };
-        format!(
-            "{what}. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with {factor}. Use `{} generic` for a gel other than vitreous humour",
-            Setting::Prior
-        )
+        format!("{what}. 1 Pa is entered as 1 N and a strain of 1 as 1 m, with {factor}")
     }
 }
 
@@ -780,8 +922,8 @@ mod tests {
         ] {
             let found = creep(&format!("Time [s],{name},Stress [Pa]"), None).unwrap_or_else(|| panic!("{name}"));
             assert_eq!(found.given.units[2].as_deref(), Some(unit), "{name}");
-            assert_eq!(found.refuse_large_plain(16.0).is_err(), name == "Strain", "{name}");
-            assert!(found.refuse_large_plain(0.9).is_ok(), "{name}");
+            assert_eq!(found.refuse_unlikely_plain(None, 16.0).is_err(), name == "Strain", "{name}");
+            assert!(found.refuse_unlikely_plain(None, 0.9).is_ok(), "{name}");
         }
         let looked =
             inspect_table("s.csv".as_ref(), b"Time [s],Strain [mod],Stress [Pa]\n0,0,1\n1,5,1\n2,6,1\n").unwrap();
@@ -886,6 +1028,34 @@ mod tests {
                 inspect_table("p.csv".as_ref(), format!("{header}\n0,0,1\n1,5,1\n2,6,1\n").as_bytes()).unwrap();
             let refused = StressStrain::of(&looked, &TableSettings::default(), None).unwrap_err().to_string();
             assert!(refused.contains("the unit of this column is not known"), "{header}: {refused}");
+        }
+    }
+
+    #[test]
+    fn units_of_published_tables_can_be_given_and_values_near_one_need_one() {
+        let read = |header: &str, units: [Option<&str>; 3]| {
+            let looked = inspect_table("p.csv".as_ref(), format!("{header}\n0,1\n1,0.5\n2,0.4\n").as_bytes()).unwrap();
+            let given = TableSettings { units: units.map(|unit| unit.map(String::from)), ..TableSettings::default() };
+            StressStrain::of(&looked, &given, None).expect("a known unit").expect("a published table")
+        };
+        for (header, units, size) in [
+            ("t (s),G(t)", [None, Some("kPa"), None], "1000 N"),
+            ("t (s),G(t) [Pa]", [None, Some("kPa"), None], "1000 N"),
+            ("t (s),J(t)", [None, None, Some("1/kPa")], "0.001 m"),
+        ] {
+            let found = read(header, units);
+            let role = if header.contains('G') { 1 } else { 2 };
+            assert_eq!(found.given.units[role].as_deref(), Some(size), "{header}");
+            assert!(found.refuse_unlikely_plain(Some(1.0), 1.0).is_ok(), "{header}");
+        }
+        for header in ["t (s),G(t)", "t (s),J(t)", "t (s),Relaxation modulus"] {
+            let found = read(header, [None; 3]);
+            assert!(found.refuse_unlikely_plain(Some(30.0), 30.0).is_ok(), "{header}");
+            let refused = found.refuse_unlikely_plain(Some(0.99), 4.0).unwrap_err().to_string();
+            assert!(refused.contains("is about 1"), "{header}: {refused}");
+        }
+        for header in ["t (s),G(t) [Pa]", "t (s),J(t) [1/Pa]", "t (s),J(t) in 1/kPa"] {
+            assert!(read(header, [None; 3]).refuse_unlikely_plain(Some(1.0), 1.0).is_ok(), "{header}");
         }
     }
 

@@ -124,6 +124,9 @@ pub(super) fn experiment_toml(
         }
         Zero::First => line("zero", quoted("first"), "the first position counts as 0"),
         Zero::Rest => line("zero", quoted("rest"), "the position before the force acts counts as 0"),
+        Zero::Fit if control == Control::Position => {
+            line("zero", quoted("fit"), "positions count from the first row, and the offset of the force is fitted")
+        }
         Zero::Fit => {
             line("zero", quoted("fit"), "the position that counts as 0 is fitted; or \"rest\", \"first\" or a number")
         }

@@ -96,7 +96,7 @@ pub fn warnings(findings: &WarningInputs) -> Vec<Warning> {
         add(
             WarningKind::NoFiniteElements,
             text,
-            "absolute moduli are only as accurate as `compliance_per_m` or the size of the tip. The default prior is for porcine vitreous; `--prior generic` spans decades",
+            "absolute moduli are only as accurate as `compliance_per_m` or the size of the tip",
         );
     }
     list
@@ -107,7 +107,7 @@ pub fn nothing_held_out_warning() -> Warning {
     Warning {
         kind: WarningKind::NothingHeldOut,
         text: "no cycle is held out, so the model's predictions are untested".into(),
-        advice: "hold out a cycle in [measurement], or record another one".into(),
+        advice: "hold out a cycle in [measurement], or record another one; `cycle_starts_s = [0, 5]` splits a single hold at 5 s, so that its second part is held out".into(),
     }
 }
 

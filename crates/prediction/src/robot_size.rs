@@ -21,6 +21,11 @@ const ASPECTS: [f64; 2] = [1.0, 20.0];
 const MOST_OF_GEL: f64 = 0.8;
 /// Number of sizes that are tried first, with equal ratios between them.
 const N_SIZES: usize = 40;
+/// Number of sizes whose compliance is computed for the first search, and for the second.
+const N_NODES: usize = 12;
+const N_NODES_NEAR: usize = 6;
+/// Largest factor between the sizes that the two searches find.
+const NEAR: f64 = 1.1;
 /// Number of halvings between the last size that fails and the first that succeeds.
 const HALVINGS: usize = 24;
 /// Largest number of searches that confirm a size under a limit of the strain.
@@ -172,12 +177,12 @@ fn sized_from(
     // The law is linear: all trajectories of a size are those of the given robot times one factor.
     let range = |x: &Vec<f64>| target.succeeding_factors(ensemble.record(), x, ensemble.strain_per_m);
     let ranges: Vec<[f64; 2]> = trajectories_m.iter().map(range).collect();
-    let is_met_with = |factor: f64, limits_strain: bool| {
+    let is_met = |factor: f64, compliance_per_m: Option<f64>, limits_strain: bool| {
         let robot = size.applied(&scenario.robot, factor);
         if target.reach_m.abs() >= free_path_m(&robot, &scenario.vitreous) {
             return false;
         }
-        let Some((compliance_per_m, _)) = body::compliance_per_m(&robot, &scenario.vitreous) else { return false };
+        let Some(compliance_per_m) = compliance_per_m else { return false };
         let times = compliance_per_m / reference_per_m * size.largest_force_n(&robot, target) / force_n;
         // Strain per displacement falls with the size of the body.
         let of_size: Vec<[f64; 2]> = ranges
@@ -186,43 +191,29 @@ fn sized_from(
             .collect();
         best_factor(&of_size, target.probability, times).1 >= target.probability - 1e-12
     };
-    let is_met = |factor: f64| is_met_with(factor, true);
     if largest <= smallest {
         return Ok(None);
     }
-    let sizes = |[from, to]: [f64; 2]| -> Vec<f64> {
-        (0..N_SIZES).map(|k| from * (to / from).powf(k as f64 / (N_SIZES - 1) as f64)).collect()
+    let computed = |factor: f64| {
+        body::compliance_per_m(&size.applied(&scenario.robot, factor), &scenario.vitreous).map(|(per_m, _)| per_m)
     };
-    // Index of the size that is asked for among `sizes` by whether each succeeds, and that of the next one beyond it.
-    let chosen = |succeeds: &[bool]| match size {
-        RobotSize::Largest | RobotSize::Longest => {
-            succeeds.iter().rposition(|met| *met).map(|k| (k, (k + 1).min(N_SIZES - 1)))
+    let search = Search { size, limits_strain: target.largest_strain.is_some(), is_met: &is_met };
+    let all = [smallest, largest];
+    // Few sizes are computed: the search by a polynomial through them is repeated near the size that it finds. If the two disagree, every size is computed.
+    let near = || {
+        let found = search.run(all, &Interpolated::through(all, N_NODES, &computed)?.compliance())?;
+        if found.is_last_tried {
+            return search.is_met_at(found.succeeds, computed(found.succeeds)).then_some(found);
         }
-        RobotSize::SmallestMagnet { .. } => succeeds.iter().position(|met| *met).map(|k| (k, k.saturating_sub(1))),
+        let near = [smallest.max(found.succeeds / NEAR), largest.min(found.succeeds * NEAR)];
+        let again = search.run(near, &Interpolated::through(near, N_NODES_NEAR, &computed)?.compliance())?;
+        (!again.is_last_tried).then_some(again)
     };
-    let tried = |sizes: &[f64], limits_strain: bool| -> Vec<bool> {
-        sizes.par_iter().map(|factor| is_met_with(*factor, limits_strain)).collect()
+    let Some(Found { succeeds, fails, is_last_tried }) = near().or_else(|| search.run(all, &computed)) else {
+        return Ok(None);
     };
-    let mut all = sizes([smallest, largest]);
-    let mut found = chosen(&tried(&all, true));
-    if found.is_none()
-        && target.largest_strain.is_some()
-        && let Some((reached, beyond)) = chosen(&tried(&all, false))
-    {
-        // The sizes that reach the target without too large a strain may all lie between two of those that were tried.
-        let [first, last] =
-            [reached.min(beyond).saturating_sub(1), reached.max(beyond).saturating_add(1).min(N_SIZES - 1)];
-        all = sizes([all[first], all[last]]);
-        found = chosen(&tried(&all, true));
-    }
-    let Some((success, failure)) = found else { return Ok(None) };
-    let [mut succeeds, mut fails] = [all[success], all[failure]];
-    for _ in 0..if success == failure { 0 } else { HALVINGS } {
-        let middle = (succeeds * fails).sqrt();
-        *(if is_met(middle) { &mut succeeds } else { &mut fails }) = middle;
-    }
-    if success == failure {
-        return Ok(Some(SizedRobot { robot: size.applied(&scenario.robot, succeeds), is_last_tried: true }));
+    if is_last_tried {
+        return Ok(Some(SizedRobot { robot: size.applied(&scenario.robot, succeeds), is_last_tried }));
     }
     let towards = (succeeds - fails).signum();
     let factor = match size {
@@ -235,6 +226,107 @@ fn sized_from(
     Ok(Some(SizedRobot { robot: size.applied(&scenario.robot, factor), is_last_tried: false }))
 }
 
+/// Search for a size, as a factor.
+struct Search<'a> {
+    size: RobotSize,
+    limits_strain: bool,
+    /// Whether a factor with this compliance (1/m) succeeds, with or without the limit of the strain.
+    is_met: &'a (dyn Fn(f64, Option<f64>, bool) -> bool + Sync),
+}
+
+/// Factor that succeeds, and one beside it that fails; the two are equal if it is the last that was tried.
+struct Found {
+    succeeds: f64,
+    fails: f64,
+    is_last_tried: bool,
+}
+
+impl Search<'_> {
+    fn is_met_at(&self, factor: f64, compliance_per_m: Option<f64>) -> bool {
+        (self.is_met)(factor, compliance_per_m, true)
+    }
+
+    /// The factor that is asked for in a range, with the compliance (1/m) of each factor; `None` if none succeeds.
+    fn run(
+        &self,
+        [smallest, largest]: [f64; 2],
+        compliance_per_m: &(dyn Fn(f64) -> Option<f64> + Sync),
+    ) -> Option<Found> {
+        let sizes = |[from, to]: [f64; 2]| -> Vec<f64> {
+            (0..N_SIZES).map(|k| from * (to / from).powf(k as f64 / (N_SIZES - 1) as f64)).collect()
+        };
+        // Index of the size that is asked for among `sizes` by whether each succeeds, and that of the next one beyond it.
+        let chosen = |succeeds: &[bool]| match self.size {
+            RobotSize::Largest | RobotSize::Longest => {
+                succeeds.iter().rposition(|met| *met).map(|k| (k, (k + 1).min(N_SIZES - 1)))
+            }
+            RobotSize::SmallestMagnet { .. } => succeeds.iter().position(|met| *met).map(|k| (k, k.saturating_sub(1))),
+        };
+        let tried = |sizes: &[f64], limits_strain: bool| -> Vec<bool> {
+            sizes.par_iter().map(|factor| (self.is_met)(*factor, compliance_per_m(*factor), limits_strain)).collect()
+        };
+        let mut all = sizes([smallest, largest]);
+        let mut found = chosen(&tried(&all, true));
+        if found.is_none()
+            && self.limits_strain
+            && let Some((reached, beyond)) = chosen(&tried(&all, false))
+        {
+            // The sizes that reach the target without too large a strain may all lie between two of those that were tried.
+            let [first, last] =
+                [reached.min(beyond).saturating_sub(1), reached.max(beyond).saturating_add(1).min(N_SIZES - 1)];
+            all = sizes([all[first], all[last]]);
+            found = chosen(&tried(&all, true));
+        }
+        let (success, failure) = found?;
+        let [mut succeeds, mut fails] = [all[success], all[failure]];
+        for _ in 0..if success == failure { 0 } else { HALVINGS } {
+            let middle = (succeeds * fails).sqrt();
+            *(if self.is_met_at(middle, compliance_per_m(middle)) { &mut succeeds } else { &mut fails }) = middle;
+        }
+        Some(Found { succeeds, fails, is_last_tried: success == failure })
+    }
+}
+
+/// Logarithm of the compliance (1/m) at the Chebyshev points of the logarithm of a factor.
+struct Interpolated {
+    middle: f64,
+    half: f64,
+    ln_per_m: Vec<f64>,
+}
+
+impl Interpolated {
+    /// Computes the compliances (1/m) of `n_nodes` factors; `None` if one of them cannot be computed.
+    fn through([from, to]: [f64; 2], n_nodes: usize, computed: &(dyn Fn(f64) -> Option<f64> + Sync)) -> Option<Self> {
+        let [middle, half] = [0.5 * (from.ln() + to.ln()), 0.5 * (to.ln() - from.ln())];
+        let at_node = |k: usize| Some(computed((middle + half * Self::angle(k, n_nodes).cos()).exp())?.ln());
+        let ln_per_m = (0..n_nodes).into_par_iter().map(at_node).collect::<Option<Vec<f64>>>()?;
+        Some(Self { middle, half, ln_per_m })
+    }
+
+    fn angle(k: usize, n_nodes: usize) -> f64 {
+        std::f64::consts::PI * (k as f64 + 0.5) / n_nodes as f64
+    }
+
+    /// The compliance (1/m) by the second barycentric formula (Berrut and Trefethen 2004).
+    fn compliance(&self) -> impl Fn(f64) -> Option<f64> + Sync {
+        |factor: f64| {
+            let x = (factor.ln() - self.middle) / self.half;
+            let (mut above, mut below) = (0.0, 0.0);
+            for (k, ln_per_m) in self.ln_per_m.iter().enumerate() {
+                let angle = Self::angle(k, self.ln_per_m.len());
+                let distance = x - angle.cos();
+                if distance == 0.0 {
+                    return Some(ln_per_m.exp());
+                }
+                let weight = if k % 2 == 0 { angle.sin() } else { -angle.sin() } / distance;
+                above += weight * ln_per_m;
+                below += weight;
+            }
+            Some((above / below).exp())
+        }
+    }
+}
+
 /// A length with four significant digits, rounded up or down.
 fn rounded(length_m: f64, towards: f64) -> f64 {
     let unit = 10f64.powi(length_m.log10().floor() as i32 - 3);
@@ -244,7 +336,7 @@ fn rounded(length_m: f64, towards: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{RobotSize, rounded, slenderer};
+    use super::{Interpolated, RobotSize, rounded, slenderer};
     use record::{Orientation, Robot, RobotShape};
 
     /// The longest robot depends on the volume, the largest one on the ratio of length to diameter.
@@ -262,6 +354,29 @@ mod tests {
         assert!(RobotSize::Largest.is_same_search(&one, &large) && !RobotSize::Longest.is_same_search(&one, &large));
         let vertical = cylinder(2e-3, 0.2e-3, Orientation::Vertical);
         assert!(!RobotSize::Longest.is_same_search(&one, &vertical));
+    }
+
+    /// Compares interpolated compliances with a sphere's in closed form, in a gel of finite size (Happel and Brenner 1983).
+    #[test]
+    fn compliances_between_computed_sizes_are_interpolated() {
+        let exact = |factor: f64| {
+            let ratio: f64 = 0.01 * factor;
+            let wall = (1.0 - 2.25 * ratio + 2.5 * ratio.powi(3) - 2.25 * ratio.powi(5) + ratio.powi(6))
+                / (1.0 - ratio.powi(5));
+            Some(wall / factor)
+        };
+        for (range, n_nodes, tolerance) in
+            [([0.02, 60.0], super::N_NODES, 0.03), ([9.0, 11.0], super::N_NODES_NEAR, 1e-8)]
+        {
+            let interpolated = Interpolated::through(range, n_nodes, &exact).expect("compliances");
+            for k in 0..=50 {
+                let factor = range[0] * (range[1] / range[0]).powf(f64::from(k) / 50.0);
+                let ratio =
+                    interpolated.compliance()(factor).expect("a compliance") / exact(factor).expect("a compliance");
+                assert!((ratio - 1.0).abs() < tolerance, "{factor}: {ratio}");
+            }
+        }
+        assert!(Interpolated::through([1.0, 2.0], 3, &|factor| (factor < 1.5).then_some(1.0)).is_none());
     }
 
     #[test]

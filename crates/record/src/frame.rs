@@ -1,5 +1,6 @@
 //! Zero and direction of positions (formats §1), and the conversion of coordinates in the table to positions along the force.
 
+use std::f64::consts::SQRT_2;
 use std::path::Path;
 
 use super::control::correlation_of_changes;
@@ -51,6 +52,32 @@ pub fn is_zeroed_by_first_row(position_m: &[Option<f64>], noise_m: f64) -> bool 
     positions.sort_unstable_by(f64::total_cmp);
     let steps = positions.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     steps.fold(f64::INFINITY, f64::min) <= noise_m / DIGITS
+}
+
+/// Least number of rows before the command first changes that show an offset of the measured quantity.
+const ROWS_AT_REST: usize = 5;
+/// Least such offset, in standard deviations of the noise at rest, and divided by the range of the measured quantity.
+const OFFSET_NOISES: f64 = 6.0;
+const OFFSET_SHARE: f64 = 0.02;
+/// Largest change of a command at rest, divided by its range, as a measured strain has it.
+const COMMAND_AT_REST: f64 = 0.002;
+
+/// Offset of a measured quantity, from the rows before the command first changes; `None` without such rows, and for an offset that is not clear. The measured values may
+/// drift in these rows.
+pub fn offset_at_rest(command: &[f64], measured: &[Option<f64>]) -> Option<f64> {
+    let (low, high) =
+        command.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    let n_rest =
+        command.iter().take_while(|value| (**value - command[0]).abs() <= COMMAND_AT_REST * (high - low)).count();
+    let at_rest: Vec<f64> = measured[..n_rest].iter().flatten().copied().collect();
+    // Without a change of the command there is no rest before it.
+    if n_rest == command.len() || at_rest.len() < ROWS_AT_REST {
+        return None;
+    }
+    let offset = median(at_rest.clone())?;
+    let noise = SD_PER_MAD * median(at_rest.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect())? / SQRT_2;
+    let (low, high) = measured.iter().flatten().fold((0.0_f64, 0.0_f64), |(low, high), x| (low.min(*x), high.max(*x)));
+    (offset.abs() > (OFFSET_NOISES * noise).max(OFFSET_SHARE * (high - low))).then_some(offset)
 }
 
 /// Rules for the zero and the direction of positions.

@@ -1,4 +1,4 @@
-//! Oscillation measured with a rheometer: a table of moduli against frequency (formats §1.3).
+//! Oscillation measured with a rheometer: a table of moduli against frequency (formats §1.2).
 //!
 //! [`OscillationRecord::read`] reads and checks such a table, whose data are then complete and in SI units.
 
@@ -409,7 +409,7 @@ impl OscillationRecord {
     /// Reads an oscillation. `path` is the directory that contains `experiment.toml`, or the path of the TOML file.
     ///
     /// # Errors
-    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1.3 refuses.
+    /// [`Error::File`] if a file cannot be read, [`Error::Input`] for input that formats §1.2 refuses.
     pub fn read(path: &Path) -> Result<(Self, ExperimentFiles)> {
         let (toml_path, toml_bytes) = read_toml(path)?;
         let document = TomlInput::parse(&toml_path, text_of(&toml_path, &toml_bytes)?)?;

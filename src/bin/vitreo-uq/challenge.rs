@@ -77,7 +77,7 @@ struct NewArguments {
     #[arg(long, value_name = "KIND", default_value = "white")]
     noise_kind: String,
     /// Write the noise standard deviation into the experiment; with `no`, the diagnosis must estimate it
-    #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
+    #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, hide_possible_values = true, value_parser = BoolishValueParser::new())]
     noise_known: bool,
     /// Seed of all random numbers; it determines the answer [default: from the operating system]
     #[arg(long, value_name = "N")]
@@ -146,7 +146,7 @@ pub struct PlaysArguments {
     #[arg(long, value_name = "KIND", value_delimiter = ',')]
     noise_kind: Vec<String>,
     /// Write the noise standard deviation into the experiments; with `no`, each diagnosis must estimate it
-    #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
+    #[arg(long, value_name = "yes|no", default_value = "yes", action = ArgAction::Set, hide_possible_values = true, value_parser = BoolishValueParser::new())]
     noise_known: bool,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -164,7 +164,7 @@ enum OnlySort {
     Pair,
     /// A disturbance outside the library
     Outside,
-    /// A wrong Poisson ratio or compliance, which the law's parameters absorb
+    /// A wrong Poisson ratio, or a bead off the centre, which the law's parameters absorb
     Apparatus,
 }
 

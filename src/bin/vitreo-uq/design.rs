@@ -37,7 +37,7 @@ pub struct DesignArguments {
     /// Largest force in µN [default: that of the present record]
     #[arg(long, value_name = "MICRONEWTON", allow_negative_numbers = true)]
     max_force_un: Option<f64>,
-    /// Largest distance from the start, in µm [default: that of the present record]
+    /// Largest distance from the start, in µm [default: 1.05 times that of the present record]
     #[arg(long, value_name = "MICROMETRE", allow_negative_numbers = true)]
     max_displacement_um: Option<f64>,
     /// Time between samples, in s [default: that of the present record]

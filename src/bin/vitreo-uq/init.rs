@@ -81,7 +81,7 @@ pub struct InitArguments {
     /// Unit of the time: s, ms, min, h, clock or elapsed (hh:mm:ss), hh:mm, mm:ss, iso, day-first or month-first (dates), or a multiple such as "0.05 s" per frame
     #[arg(long, value_name = "UNIT")]
     unit_time: Option<String>,
-    /// Unit of the force: N, mN, uN, nN or pN
+    /// Unit of the force: N, mN, uN, nN or pN; of a stress: Pa, kPa and others
     #[arg(long, value_name = "UNIT")]
     unit_force: Option<String>,
     /// Unit of the frequency of an oscillation: Hz or rad/s
@@ -90,7 +90,7 @@ pub struct InitArguments {
     /// Unit of the moduli of an oscillation, such as Pa or kPa
     #[arg(long, value_name = "UNIT")]
     unit_moduli: Option<String>,
-    /// Unit of the position: m, mm, um or nm, or a multiple such as "0.65 um" per pixel
+    /// Unit of the position: m, mm, um or nm, or a multiple such as "0.65 um" per pixel; of a strain: % or 1
     #[arg(long, value_name = "UNIT")]
     unit_position: Option<String>,
     /// Name of the specimen [default: the table's name]
@@ -246,11 +246,15 @@ fn next(summary: &InitSummary) -> String {
             summary.directory
         );
     }
+    let (command, first) = match summary.rows_without_position == summary.rows {
+        true => ("design", " Give the noise (`noise_um`) in it."),
+        false => ("sample", ""),
+    };
     if summary.is_complete() {
-        return format!("Wrote {toml}. Next: vitreo-uq sample {directory}");
+        return format!("Wrote {toml}.{first} Next: vitreo-uq {command} {directory}");
     }
     format!(
-        "Wrote {toml}. Fill in its lines with \"?\": {}. Then run: vitreo-uq sample {directory}",
+        "Wrote {toml}. Fill in its lines with \"?\": {}.{first} Then run: vitreo-uq {command} {directory}",
         summary.unknown.join(", ")
     )
 }

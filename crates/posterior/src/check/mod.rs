@@ -76,6 +76,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
         force::curved,
         force::against,
         zero::off,
+        zero::force_off_at_rest,
         zero::is_a_row,
         zero::drifts_at_rest,
         sizes::no_gel,
@@ -99,6 +100,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
     let of_indenter = [times::units, positions::clipped, positions::repeated, zero::approach_missing];
     // A relaxation starts anywhere, and no simple law is fitted to it.
     let of_relaxation = [
+        zero::off_at_rest,
         times::units,
         times::gaps,
         positions::clipped,
@@ -123,7 +125,7 @@ pub fn contradictions(experiment: &Experiment, understood: &Interpretation) -> V
 }
 
 /// Kinds of contradictions that explain others: each cause with its consequences. The consequences are not reported together with their cause.
-const CAUSES: [(&str, &[&str]); 3] = [
+const CAUSES: [(&str, &[&str]); 4] = [
     (
         "force_logged_late",
         &[
@@ -136,6 +138,7 @@ const CAUSES: [(&str, &[&str]); 3] = [
         ],
     ),
     ("starts_under_load", &["few_rows_in_a_retardation_time", "zero_off"]),
+    ("force_off", &["starts_under_load"]),
     ("lost_positions", &["outliers", "clipped_positions", "repeated_positions"]),
 ];
 

@@ -5,7 +5,7 @@ use super::{CheckContext, found, um};
 use documents::check::Contradiction;
 use figures::number::format_significant;
 use record::MotionLine;
-use record::frame::is_zeroed_by_first_row;
+use record::frame::{is_zeroed_by_first_row, offset_at_rest};
 
 /// Number of positions at the record's start that the check of the zero uses.
 const FIRST: usize = 5;
@@ -63,6 +63,54 @@ pub(super) fn off(looked: &CheckContext<'_>) -> Option<Contradiction> {
     );
     let advice = "write `zero = \"fit\"` in [measurement], or the position itself";
     Some(found("zero_off", true, text, advice))
+}
+
+/// Finds a relaxation whose measured force is not 0 before the commanded position changes.
+pub(super) fn off_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let offset_m =
+        offset_at_rest(&record.force_n, &record.position_m).filter(|_| !looked.experiment.fits_position_offset)?;
+    let text = format!("the position is {} µm before the force first changes, not 0", um(offset_m));
+    let advice = "write `zero = \"fit\"` in [measurement]";
+    Some(found("zero_off", true, text, advice))
+}
+
+/// Least number of rows before the first switch of the force, and least motion that their force would cause, in noise standard deviations.
+const ROWS_BEFORE: usize = 5;
+const MOVES_NOISES: f64 = 10.0;
+/// Largest part of this motion at which the body stands still.
+const STILL: f64 = 0.1;
+
+/// Finds a force before its first switch that does not move the body, although the same force moves it after the switch: the force has an offset.
+pub(super) fn force_off_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction> {
+    let record = looked.record;
+    let first_n = record.force_n.first().copied().filter(|force_n| *force_n != 0.0)?;
+    let steps = record.force_step_rows();
+    let step = steps.iter().copied().find(|row| *row > 0).filter(|row| *row >= ROWS_BEFORE)?;
+    let next_s = steps.iter().find(|row| **row > step).map_or(f64::INFINITY, |row| record.time_s[*row]);
+    let at_s = record.time_s[step];
+    let window_s = (at_s - record.time_s[0]).min(next_s - at_s);
+    // Motion (m) from one time to another, by a line through the rows between.
+    let moved_m = |[from_s, to_s]: [f64; 2]| {
+        let rows = record.time_s.iter().zip(&record.position_m);
+        let between = rows.filter(|(time, _)| (from_s..=to_s).contains(*time));
+        let points: Vec<(f64, f64)> = between.filter_map(|(time, x)| Some((*time, (*x)?))).collect();
+        let line = || MotionLine::through(points.iter().copied());
+        (points.len() >= ROWS_BEFORE).then(|| line().slope_per_s * (to_s - from_s))
+    };
+    let [before_m, after_m] = [[at_s - window_s, at_s], [at_s, at_s + window_s]].map(moved_m);
+    let expected_m = after_m? * first_n / (record.force_n[step] - first_n);
+    if expected_m.abs() < MOVES_NOISES * looked.noise_m || before_m?.abs() > STILL * expected_m.abs() {
+        return None;
+    }
+    let text = format!(
+        "a force of {} µN is recorded before the first switch, and the body stands still, although this force would move it by {} µm: the force has an offset, or it began long before",
+        um(first_n),
+        um(expected_m)
+    );
+    let advice =
+        "subtract the force at rest from all forces of the table; if it acts, state when it began (`load_start_s`)";
+    Some(found("force_off", true, text, advice))
 }
 
 /// Finds positions that were measured from the first row's position, whose noise then shifts all positions. The symptom is a first position of exactly 0, although the

@@ -368,8 +368,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         others.find(|(_, names)| n_units(names) >= 2)
     };
     let found = names(0).map(|nearest| above_note(&nearest).unwrap_or(nearest));
-    let is_whole = found.is_some();
-    let without_first = || {
+    let without_one = || {
         let (index, line) = above.first().filter(|_| layout.n_cells > 2)?;
         let layout_of_names = Layout { n_cells: layout.n_cells - 1, ..layout.clone() };
         let mut names = names_in(line, &layout_of_names, n_empty)?;
@@ -377,10 +376,18 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         if names.first().is_none_or(String::is_empty) {
             return None;
         }
-        names.insert(0, String::new());
-        has_unnamed_first(&lines[layout.first..], layout).then_some((*index, names))
+        let rows = &lines[layout.first..];
+        if has_unnamed_first(rows, layout) {
+            names.insert(0, String::new());
+            return Some((*index, names, true));
+        }
+        // The words of a note between blanks are no names. Numbers that count the rows may be those that R writes before them.
+        let are_names = layout.delimiter != Delimiter::Spaces || n_units(&names) >= 2;
+        names.push(String::new());
+        (are_names && !counts_rows(rows, layout)).then_some((*index, names, false))
     };
-    let Some((line, names)) = found.or_else(without_first) else { return Header::default() };
+    let found = found.map(|(line, names)| (line, names, false)).or_else(without_one);
+    let Some((line, names, lacks_first_name)) = found else { return Header::default() };
     // LabVIEW names the quantity of the first column in its preamble, and its times are in seconds.
     let is_time = |line: &&str| line.starts_with("X_Dimension\tTime");
     let unit_of = |name: &String| match name.as_str() {
@@ -388,7 +395,7 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         name => split_unit(name).1,
     };
     let units = names.iter().map(unit_of).collect();
-    Header { line: Some(line), names, units, foreign: Vec::new(), lacks_first_name: !is_whole }
+    Header { line: Some(line), names, units, foreign: Vec::new(), lacks_first_name }
 }
 
 /// True for a line that cannot hold the names of the columns: a comment, a word such as `BEGIN`, or a text in a single cell.
@@ -403,7 +410,17 @@ fn is_note(line: &str, layout: &Layout, n_empty: usize) -> bool {
 fn has_unnamed_first(rows: &[&str], layout: &Layout) -> bool {
     let mut rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(FEWEST_ROWS);
     let is_of_r = |line: &str| line.starts_with('"') && line.matches('"').count() == 2;
-    rows.all(|line| cells(line, layout.delimiter)[0].is_empty() || is_of_r(line))
+    rows.all(|line| {
+        layout.delimiter != Delimiter::Spaces && cells(line, layout.delimiter)[0].is_empty() || is_of_r(line)
+    })
+}
+
+/// True if the first cells of the first rows are whole numbers that grow by one.
+fn counts_rows(rows: &[&str], layout: &Layout) -> bool {
+    let rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(LOOKED_AT);
+    let first = |line: &&str| cells(line, layout.delimiter).iter().find(|cell| !cell.is_empty())?.parse::<i64>().ok();
+    let firsts: Vec<Option<i64>> = rows.map(first).collect();
+    firsts.windows(2).all(|pair| pair[0].zip(pair[1]).is_some_and(|(one, next)| next == one + 1))
 }
 
 /// Finds a header in the comments above a table, as JPK writes it: `# columns: …` and `# units: …`. `None` without such comments.
@@ -534,7 +551,14 @@ mod tests {
             assert_eq!(header.names, ["", "w (rad/s)", "G' (Pa)", "G'' (Pa)"], "{first}");
             assert!(header.lacks_first_name && header.units[2].is_some());
         }
-        // Any column may lack its name if the first one has values.
+        // Where the first column has other values, the last one lacks its name.
+        let flagged: String = (1..5).map(|row| format!("0.{row}\t1\t2\t0\n")).collect();
+        let header = first_table(&format!("{names}{flagged}")).header;
+        assert_eq!(header.names, ["w (rad/s)", "G' (Pa)", "G'' (Pa)", ""]);
+        assert!(!header.lacks_first_name && header.units[0].is_some());
+        let between_blanks = format!("w(rad/s) G'(Pa) G''(Pa)\n{}", flagged.replace('\t', "  ").replace("0.", "  0."));
+        assert_eq!(first_table(&between_blanks).header.names, ["w(rad/s)", "G'(Pa)", "G''(Pa)", ""]);
+        // A column that counts the rows may be one of names.
         let rows: String = (1..5).map(|row| format!("{row}\t1\t2\t3\n")).collect();
         assert!(first_table(&format!("{names}{rows}")).header.names.is_empty());
     }

@@ -1,7 +1,7 @@
 //! Inference of the description of a table, with a reason for each choice.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use super::steps::{StepClock, is_of_step};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
 use crate::control::{Control, answers_after_jumps, has_only_jumps, holds, holds_as_written, is_steadier, opposes};
 use crate::force::{has_noisy_levels, ramps_between_holds};
-use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, rest_m};
+use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, offset_at_rest, rest_m};
 use crate::lost::repeated_outliers;
 use crate::noise::written_step_m;
 use crate::robust::{SD_PER_MAD, median};
@@ -86,6 +86,8 @@ pub struct TableProposal {
     pub duration_s: f64,
     /// True if a commanded position jumps and acts from its row on, as the force shows.
     pub acts_from_row: bool,
+    /// True if the measured force is not 0 before a commanded position first changes: its sensor has an offset.
+    pub has_force_offset: bool,
     /// True if the position changes by at least half of its range from the first row to the second.
     pub jumps_at_once: bool,
     /// True if the force of one of the first two rows is more than a third of the largest one.
@@ -101,7 +103,7 @@ pub struct TableProposal {
     /// Smallest and largest position as written in the table, in m.
     written_position_m: [f64; 2],
     /// First position as written in the table, in m.
-    first_written_m: Option<f64>,
+    pub first_written_m: Option<f64>,
     /// True if force and position as written have opposite signs in nearly all rows.
     pub has_opposite_signs: bool,
     /// Time (s) at which the load of the first row began, counted as [`Self::first_time_s`] is; `None` if neither the table nor the user says so.
@@ -214,8 +216,18 @@ impl TableProposal {
         (self.ramps, self.until_row, self.description.acts_until_row) = (None, None, false);
     }
 
-    /// Replaces a fitted zero for a commanded position, which has no noise: positions count from those before the force acts, or from the first row.
+    /// Replaces a fitted zero for a commanded position, which has no noise: positions count from those before the force acts, or from the first row. The zero of a relaxation
+    /// is fitted if its force has an offset.
     pub fn count_commanded_positions(&mut self) {
+        if self.has_force_offset {
+            let direction = self.frame.direction;
+            self.count_from_first_row();
+            self.frame = Frame { zero: Zero::Fit, direction };
+            if direction == Direction::Backward {
+                self.position_m = [-self.position_m[1], -self.position_m[0]];
+            }
+            return;
+        }
         if self.frame.zero != Zero::Fit {
             return;
         }
@@ -261,6 +273,9 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let described = DescribedFile { file, bytes, text, lines: &lines, given, tables: &tables };
     let mut description = described.description(&mut reasons, ask)?;
     let mut trajectory = described.completed(&mut description, &mut reasons)?;
+    if let Some((column, unit)) = &description.force {
+        refuse_marks_of_missing_forces(file, &trajectory, (column, unit))?;
+    }
     let idle = idle_rows(&trajectory).filter(|_| description.force.is_some());
     if let Some(Idle { n_rows, began_s, why }) = idle {
         let line = trajectory.lines[n_rows];
@@ -341,6 +356,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let mut proposal = TableProposal {
         columns: named_columns(tables[0]),
         acts_from_row: control == Control::Position && answers_after_jumps(&trajectory.force_n, &trajectory.position_m),
+        has_force_offset: control == Control::Position && has_force_offset(&trajectory),
         starts_loaded: trajectory.force_n.iter().take(2).any(|force| 3.0 * force.abs() > largest_n),
         jumps_at_once,
         first_time_s: trajectory.time_s.first().copied().unwrap_or(0.0),
@@ -814,25 +830,40 @@ impl DescribedFile<'_> {
             Decimal::Point if !is_quoted => Thousands::Point,
             _ => Thousands::Comma,
         };
-        let (mut n_grouped, mut n_small) = (0, 0);
+        // Numbers of each column with the sign, those too small for it, and those that lack it although they are large. Only a column whose small numbers lack the sign shows
+        // what it means: in a column of decimals, all numbers may have three of them.
+        let mut counts: BTreeMap<usize, [usize; 3]> = BTreeMap::new();
         for row in self.rows() {
-            for cell in taken.iter().filter_map(|at| row.get(*at)).filter(|cell| !is_lost(cell)) {
-                if cell.contains(sign.name()) {
+            for (at, cell) in row.iter().enumerate().filter(|(_, cell)| !is_lost(cell)) {
+                let is_number = |text: &str| text.parse::<f64>().is_ok_and(|number| number != 0.0);
+                let plain = if sign == Thousands::Point { cell.replace(',', ".") } else { cell.to_string() };
+                let digits = plain.trim_start_matches(['+', '-']).split('.').next().map_or(0, str::len);
+                let kind = if cell.contains(sign.name()) {
                     if sign.removed(cell).is_none() {
-                        return Ok(None);
+                        match taken.contains(&at) || is_number(&cell.replacen(sign.name(), ".", 1)) {
+                            true => return Ok(None),
+                            false => continue,
+                        }
                     }
-                    n_grouped += 1;
-                } else if cell.trim_start_matches(['+', '-']).len() <= 3
-                    && cell.parse::<f64>().is_ok_and(|number| number != 0.0)
-                {
-                    n_small += 1;
+                    0
+                } else if is_number(&plain) {
+                    if digits <= 3 { 1 } else { 2 }
+                } else {
+                    continue;
+                };
+                if taken.contains(&at) {
+                    counts.entry(at).or_default()[kind] += 1;
                 }
             }
         }
         let [fewest_grouped, fewest_small] = if is_quoted { [1, 1] } else { [FEWEST_GROUPED, FEWEST_SMALL] };
-        if n_grouped < fewest_grouped || n_small < fewest_small {
+        let shows = |[n_grouped, n_small, n_large]: &[usize; 3]| {
+            *n_grouped >= fewest_grouped && *n_small >= fewest_small && *n_large == 0
+        };
+        if !counts.values().any(shows) {
             return Ok(None);
         }
+        let [n_grouped, n_small] = [0, 1].map(|kind| counts.values().map(|count| count[kind]).sum::<usize>());
         let sign_name = sign.name();
         reasons.push(format!(
             "`{sign_name}` is read as thousands separator: all {n_grouped} numbers with it end in groups of three digits, and {n_small} smaller numbers lack it (thousands = \"{sign_name}\"); use `{setting} none` if it is the decimal sign"
@@ -986,6 +1017,44 @@ impl DescribedFile<'_> {
         description.lost = lost.iter().map(|value_m| as_written(*value_m, unit_m)).collect();
         read(description)
     }
+}
+
+/// Least size of a force that may mean a missing value: such a number has only nines, or is far beyond any unit.
+const LEAST_MARK: f64 = 999.0;
+const BEYOND_UNITS: f64 = 1e20;
+/// Least ratio of such a force to the largest other force, and the largest part of the rows that have it.
+const MARK_TO_OTHERS: f64 = 20.0;
+const MOST_MARKED: f64 = 0.2;
+
+/// Refuses forces such as −9999 that mean a missing value: they are far beyond all others, in few rows.
+///
+/// # Errors
+/// [`Error::Input`] for such forces, at the first of them.
+fn refuse_marks_of_missing_forces(
+    file: &Path,
+    trajectory: &Trajectory,
+    (column, unit): (&ColumnName, &ParsedUnit),
+) -> Result<()> {
+    let written = || trajectory.force_n.iter().map(|force_n| force_n / unit.to_si(1.0));
+    let has_only_nines = |size: f64| ((size + 1.0).log10() - (size + 1.0).log10().round()).abs() < 1e-9;
+    let is_mark = |value: f64| value.abs() >= BEYOND_UNITS || value.abs() >= LEAST_MARK && has_only_nines(value.abs());
+    let Some(first) = written().position(is_mark) else { return Ok(()) };
+    let mark = written().nth(first).unwrap_or(f64::NAN);
+    let n_marked = written().filter(|value| is_mark(*value)).count();
+    let largest = written().filter(|value| !is_mark(*value)).fold(0.0, |most: f64, value| most.max(value.abs()));
+    if n_marked as f64 > MOST_MARKED * trajectory.force_n.len() as f64 || mark.abs() < MARK_TO_OTHERS * largest {
+        return Ok(());
+    }
+    Err(Error::input(
+        InputPlace::file(file).at_line(trajectory.lines[first]).at_key(column.to_string()),
+        format!(
+            "the force is {mark} in {n_marked} rows and at most {largest} in the others, so that it means a missing value"
+        ),
+        format!(
+            "leave these cells empty; for a commanded force, `{}` then says which force acted in them",
+            Setting::BlankForce
+        ),
+    ))
 }
 
 /// Smallest ratio of the interval before the last row to all others at which the row may be a line of another kind. Logarithmic clocks have smaller ones.
@@ -1349,6 +1418,13 @@ fn rows_before_trigger(trajectory: &Trajectory, control: Control) -> Option<Idle
             Control::Position => "the clock shows 0 before the first row of the hold, and rows are missing there: the position is taken to jump",
         },
     })
+}
+
+/// Whether the force of a relaxation is not 0 before its position first changes.
+fn has_force_offset(trajectory: &Trajectory) -> bool {
+    let known: Option<Vec<f64>> = trajectory.position_m.iter().copied().collect();
+    let force_n: Vec<Option<f64>> = trajectory.force_n.iter().copied().map(Some).collect();
+    known.is_some_and(|position_m| offset_at_rest(&position_m, &force_n).is_some())
 }
 
 /// Largest absolute value.

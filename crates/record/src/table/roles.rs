@@ -192,8 +192,9 @@ pub fn columns_beside(names: &[String], time: usize) -> Vec<usize> {
     }
     // The time need not be the first column of its sample.
     let repeats = |start: usize| {
-        let end = start + times.len() * period;
-        end <= names.len() && (start + period..end).all(|at| names[at] == names[at - period])
+        // Empty columns between the samples are missing behind the last one.
+        let name = |at: usize| names.get(at).map_or("", String::as_str);
+        (start + period..start + times.len() * period).all(|at| name(at) == name(at - period))
     };
     let Some(start) = (0..=first).rev().take(period).find(|start| repeats(*start)) else { return all() };
     let own = start + (time - start) / period * period;

@@ -10,7 +10,7 @@ const PER_MINUTE_HZ: f64 = 1.0 / 60.0;
 const GRAM_FORCE_N: f64 = 9.806_65e-3;
 
 /// Spellings of units that differ from the program's own names, with their dimension and their value in SI units.
-const SPELLINGS: [(&str, Dimension, f64); 92] = [
+const SPELLINGS: [(&str, Dimension, f64); 96] = [
     ("с", Dimension::Time, 1.0),
     ("мс", Dimension::Time, 1e-3),
     ("Н", Dimension::Force, 1.0),
@@ -59,6 +59,7 @@ const SPELLINGS: [(&str, Dimension, f64); 92] = [
     ("cm", Dimension::Length, 1e-2),
     ("inch", Dimension::Length, 0.0254),
     ("inches", Dimension::Length, 0.0254),
+    ("in.", Dimension::Length, 0.0254),
     ("mil", Dimension::Length, 2.54e-5),
     ("mils", Dimension::Length, 2.54e-5),
     ("Å", Dimension::Length, 1e-10),
@@ -83,6 +84,9 @@ const SPELLINGS: [(&str, Dimension, f64); 92] = [
     ("cycles/min", Dimension::Frequency, PER_MINUTE_HZ),
     ("U/min", Dimension::Frequency, PER_MINUTE_HZ),
     ("pa", Dimension::Pressure, 1.0),
+    ("PA", Dimension::Pressure, 1.0),
+    ("kg/cm2", Dimension::Pressure, 98_066.5),
+    ("kg/cm²", Dimension::Pressure, 98_066.5),
     ("kPa", Dimension::Pressure, 1e3),
     ("hPa", Dimension::Pressure, 1e2),
     ("bar", Dimension::Pressure, 1e5),
