@@ -185,3 +185,44 @@ impl<'a> Elements<'a> {
         Ok(data.chunks(length.max(1)).map(name).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Elements;
+
+    /// Checks every type of numbers against the bytes of its first value; small elements and long ones, in both orders of bytes.
+    #[test]
+    fn numbers_of_every_type_are_decoded() {
+        let kinds: [(u32, f64, &[u8]); 10] = [
+            (1, -2.0, &[0xfe]),
+            (2, 254.0, &[0xfe]),
+            (3, -2.0, &[0xfe, 0xff]),
+            (4, 65_534.0, &[0xfe, 0xff]),
+            (5, -2.0, &[0xfe, 0xff, 0xff, 0xff]),
+            (6, 4_294_967_294.0, &[0xfe, 0xff, 0xff, 0xff]),
+            (7, -2.0, &[0, 0, 0, 0xc0]),
+            (9, -2.0, &[0, 0, 0, 0, 0, 0, 0, 0xc0]),
+            (12, -2.0, &[0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff]),
+            (13, 256.0, &[0, 1, 0, 0, 0, 0, 0, 0]),
+        ];
+        for (kind, value, bytes) in kinds {
+            for (is_big_endian, n) in [(false, 1), (true, 1), (false, 9), (true, 9)] {
+                let ordered = |bytes: &[u8]| match is_big_endian {
+                    true => bytes.iter().rev().copied().collect::<Vec<u8>>(),
+                    false => bytes.to_vec(),
+                };
+                let data = ordered(bytes).repeat(n);
+                let mut element = match data.len() {
+                    small @ ..=4 => ordered(&(kind | (small as u32) << 16).to_le_bytes()),
+                    long => [kind, long as u32].iter().flat_map(|word| ordered(&word.to_le_bytes())).collect(),
+                };
+                element.extend(data);
+                element.resize(element.len().next_multiple_of(8), 0);
+                let numbers = Elements { rest: &element, is_big_endian }.numbers().expect("an element");
+                assert_eq!(numbers, vec![value; n], "type {kind}, big-endian: {is_big_endian}");
+            }
+        }
+        let unknown = Elements { rest: &[99, 0, 0, 0, 0, 0, 0, 0], is_big_endian: false }.numbers();
+        assert!(unknown.expect_err("type 99").contains("unknown type 99"));
+    }
+}

@@ -115,7 +115,12 @@ impl Start {
         }
         if is_unknown(first_s, proposal, own, control) {
             let at = format!("at {} s, and the table does not show when it began", format_significant(first_s, 6));
-            return Err(unknown(place, &at, "0` if it began at time 0", control));
+            let before = format_significant(first_s - proposal.interval_s(), 6);
+            let when = match first_s <= proposal.duration_s {
+                true => "0` if it began at time 0".into(),
+                false => format!("{before}` if it began one interval before the first row"),
+            };
+            return Err(unknown(place, &at, &when, control));
         }
         let is_assumed = first_s > 0.0 && control == Control::Force && !proposal.starts_fresh;
         Ok(Self { reason: is_assumed.then_some(WITH_FIRST_ROW), ..known })
@@ -176,7 +181,9 @@ fn is_unknown(first_s: f64, proposal: &TableProposal, own: Option<&StressStrain>
         Some(_) => proposal.starts_away(),
         None => proposal.starts_away() && !proposal.starts_fresh,
     };
-    has_moved && first_s > LATE_INTERVALS * proposal.interval_s() && first_s <= proposal.duration_s
+    // A later clock is that of another event. A commanded strain has then been at its hold for an unknown time.
+    let is_of_record = first_s <= proposal.duration_s || own.is_some() && control == Control::Position;
+    has_moved && first_s > LATE_INTERVALS * proposal.interval_s() && is_of_record
 }
 
 /// A load in the first row, of which nothing shows when it began: `why` says so, and `when` ends an option that says when.

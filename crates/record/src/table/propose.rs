@@ -539,7 +539,6 @@ impl DescribedFile<'_> {
         });
         if let Some(first) = missing.first() {
             let names: Vec<&str> = missing.iter().map(|role| role.name()).collect();
-            let options: Vec<String> = missing.iter().map(|role| role.unit_option(called(*role))).collect();
             let unknown: Vec<(Role, &str)> =
                 missing.iter().filter_map(|role| Some((*role, unknown_unit(called(*role))?.1))).collect();
             if let Some((role, text)) = unknown.first().filter(|(_, text)| !text.is_empty()) {
@@ -555,10 +554,12 @@ impl DescribedFile<'_> {
             let of_stress = ["stress", "strain"].iter().any(|word| {
                 [Role::Force, Role::Position].into_iter().any(|role| called(role).to_lowercase().contains(word))
             });
-            let options = match of_stress {
-                true => format!("{} kPa {} %", Role::Force.unit_setting(), Role::Position.unit_setting()),
-                false => options.join(" "),
+            let option = |role: &Role| match role {
+                Role::Force if of_stress => format!("{} kPa", role.unit_setting()),
+                Role::Position if of_stress => format!("{} %", role.unit_setting()),
+                _ => role.unit_option(called(*role)),
             };
+            let options = missing.iter().map(option).collect::<Vec<String>>().join(" ");
             return Err(Error::input(
                 InputPlace::setting(first.unit_setting()),
                 format!("{}: the table does not give the unit of {}", file.display(), names.join(" and ")),
