@@ -22,6 +22,8 @@ BESIDE = {"python", "source-hash"}
 CHOICE = "VITREO_UQ_MUTANT"
 # A test program that takes this many times as long as without a mutant, and a minute more, has found it.
 SLOWER = 10
+# All mutants go through the tests of their own crates first, which take seconds.
+STAGES = "own tests", "other tests"
 # Characters of a masked text that were no code. Same length as the text, so that places agree.
 HIDDEN = re.compile(r'//[^\n]*|/\*.*?\*/|b?r(#*)".*?"\1|b?"(?:\\.|[^"\\])*"|b?\'(?:\\[^\n]*?|[^\'\\\n])\'', re.S)
 
@@ -272,17 +274,15 @@ class Copy:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
 
-    def outcome(self, crates, number, mutant, programs):
-        """Runs the tests of the faulty crate, then the others, the fast programs first, until one fails."""
+    def outcome(self, crates, number, mutant, stage, programs):
+        """Runs the tests of a stage, the fast programs first, until one fails: those of the faulty crate, or those above it."""
         shutil.rmtree(self.cache, ignore_errors=True)
         own = self.tree / "crates" / mutant["crate"]
-        touched = {own, self.tree, *(self.tree / "crates" / name for name in above(crates, mutant["crate"]))}
-        ordered = sorted((program for program in programs if program.package in touched), key=lambda program: (program.package != own, program.seconds))
-        for program in ordered:
+        tested = {own} if stage == STAGES[0] else {self.tree, *(self.tree / "crates" / name for name in above(crates, mutant["crate"]))}
+        for program in sorted((program for program in programs if program.package in tested), key=lambda program: program.seconds):
             if by := self.killer(program, number, 60 + SLOWER * program.seconds):
-                stage = "own tests" if program.package == own else "other tests"
                 return {"outcome": "killed", "stage": stage, "by": f"{program.package.name} {program.name}: {by}"}
-        return {"outcome": "survived"}
+        return {"passed": stage} if stage == STAGES[0] else {"outcome": "survived"}
 
 
 @dataclasses.dataclass
@@ -353,12 +353,14 @@ def main():
     numbered = [(number, mutant, place) for number, (mutant, place) in enumerate(zip(mutants, places, strict=True), 1) if mutant["compiles"]]
     at_choice = [one for one in numbered if with_choices(read(copy.tree / one[1]["file"]), [(one[0], one[2])])]
 
-    def play(number, mutant, choice, programs):
+    def play(number, mutant, choice, stage, programs):
+        if "outcome" in mutant or mutant.get("passed") == stage:
+            return
         started = time.monotonic()
-        mutant.update(copy.outcome(crates, choice, mutant, programs))
-        mutant["seconds"] = round(time.monotonic() - started)
+        mutant.update(copy.outcome(crates, choice, mutant, stage, programs))
+        mutant["seconds"] = mutant.get("seconds", 0) + round(time.monotonic() - started)
         note()
-        print(f"{number} {mutant['file']}:{mutant['line']} {mutant['outcome']} {mutant.get('by', '')}", flush=True)
+        print(f"{number} {mutant['file']}:{mutant['line']} {mutant.get('outcome', 'passed its own tests')} {mutant.get('by', '')}", flush=True)
 
     with copy.changed(at_choice, keeps_times=True):
         programs = copy.programs()
@@ -367,9 +369,9 @@ def main():
         if by := copy.killer(program, None, None):
             stop(f"a test of {program.name} fails without any mutant: {by}")
         program.seconds = time.monotonic() - started
-    for number, mutant, _ in at_choice:
-        if "outcome" not in mutant:
-            play(number, mutant, number, programs)
+    for stage in STAGES:
+        for number, mutant, _ in at_choice:
+            play(number, mutant, number, stage, programs)
     seconds = {(program.package, program.name): program.seconds for program in programs}
     for one in numbered:
         if "outcome" not in one[1]:
@@ -377,7 +379,8 @@ def main():
                 programs = copy.programs()
             for program in programs:
                 program.seconds = seconds[program.package, program.name]
-            play(one[0], one[1], None, programs)
+            for stage in STAGES:
+                play(one[0], one[1], None, stage, programs)
 
 
 if __name__ == "__main__":
