@@ -1476,7 +1476,7 @@ fn shears_compliances_and_stresses_of_specimens_are_told_apart() {
     }
     let parts =
         relaxed("Time (s),Stress (Pa),Strain (µm/mm)", |t, strain, stress| format!("{t},{stress},{}", 1e3 * strain));
-    assert!((range_of(&of(&parts, [None; 2]).expect("a strain").0, "strain")[1] - 2.0).abs() < 1e-9);
+    assert!(of(&parts, [None; 2]).expect("a strain").1.contains("position = \"0.001 m\""));
 }
 
 #[test]
@@ -1501,7 +1501,7 @@ fn forces_that_mean_a_missing_value_are_refused() {
             rows(|row, [t, f, x]| format!("{t:.3},{},{x:.3}", force(row, f)))
         )
     };
-    for mark in ["-9999", "99999", "1e30"] {
+    for mark in ["-9999", "99999", "-999.0"] {
         let refused = refused(&table(mark), TableSettings::default());
         assert!(refused.contains("line 52, `Force (uN)`") && refused.contains("means a missing value"), "{refused}");
     }

@@ -188,7 +188,7 @@ fn one(
     let is_held_strain = device.stress_strain().is_some()
         && (proposal.holds_as_written || proposal.is_steadier && looked.as_ref().is_some_and(says_relaxation));
     // A relaxation of a tip has no model.
-    let holds_tip = device.is_tip() && proposal.force_holds;
+    let holds_tip = device.is_tip() && proposal.force_holds && !proposal.position_holds;
     let likely = if is_held_strain {
         Control::Position
     } else if holds_tip {

@@ -62,8 +62,7 @@ const OFFSET_SHARE: f64 = 0.02;
 /// Largest change of a command at rest, divided by its range, as a measured strain has it.
 const COMMAND_AT_REST: f64 = 0.002;
 
-/// Offset of a measured quantity, from the rows before the command first changes; `None` without such rows, and for an offset that is not clear. The measured values may
-/// drift in these rows.
+/// Offset of a measured quantity, from the rows at a command of 0 before it first changes; `None` without such rows, and for an offset that is not clear.
 pub fn offset_at_rest(command: &[f64], measured: &[Option<f64>]) -> Option<f64> {
     let (low, high) =
         command.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
@@ -71,7 +70,7 @@ pub fn offset_at_rest(command: &[f64], measured: &[Option<f64>]) -> Option<f64> 
         command.iter().take_while(|value| (**value - command[0]).abs() <= COMMAND_AT_REST * (high - low)).count();
     let at_rest: Vec<f64> = measured[..n_rest].iter().flatten().copied().collect();
     // Without a change of the command there is no rest before it.
-    if n_rest == command.len() || at_rest.len() < ROWS_AT_REST {
+    if n_rest == command.len() || at_rest.len() < ROWS_AT_REST || command[0].abs() > COMMAND_AT_REST * (high - low) {
         return None;
     }
     let offset = median(at_rest.clone())?;

@@ -316,8 +316,15 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
     above.drain(..n_notes);
     above.truncate(HEADER_LINES);
     above.iter_mut().for_each(|(index, _)| *index += from);
-    let names =
-        |place: usize| above.get(place).and_then(|(index, line)| Some((*index, names_in(line, layout, n_empty)?)));
+    let first_cells = first_cells(&lines[layout.first..], layout);
+    // Between blanks, a line with one name fewer lacks that of the first column only if R has written the names of rows there.
+    let is_shifted = |names: &[String]| layout.delimiter == Delimiter::Spaces && names[0].is_empty();
+    let names = |place: usize| {
+        let (index, line) = above.get(place)?;
+        let names = names_in(line, layout, n_empty)?;
+        (!is_shifted(&names) || first_cells != FirstCells::Numbers && first_cells != FirstCells::WholeNumbers)
+            .then_some((*index, names))
+    };
     // Units below names with as many cells begin in the same cell as the names.
     let units_below = |place: usize, names: usize| {
         let [units, names] =
@@ -376,15 +383,15 @@ fn header(lines: &[&str], from: usize, layout: &Layout, n_empty: usize) -> Heade
         if names.first().is_none_or(String::is_empty) {
             return None;
         }
-        let rows = &lines[layout.first..];
-        if has_unnamed_first(rows, layout) {
+        if first_cells == FirstCells::Names {
             names.insert(0, String::new());
             return Some((*index, names, true));
         }
-        // The words of a note between blanks are no names. Numbers that count the rows may be those that R writes before them.
-        let are_names = layout.delimiter != Delimiter::Spaces || n_units(&names) >= 2;
+        // Words of a note are no names, and have no units. Whole numbers may be those that R writes before its rows.
+        let are_names = n_units(&names) >= 2;
         names.push(String::new());
-        (are_names && !counts_rows(rows, layout)).then_some((*index, names, false))
+        let is_between_blanks = layout.delimiter == Delimiter::Spaces;
+        (are_names && first_cells == FirstCells::Numbers).then_some((*index, names, is_between_blanks))
     };
     let found = found.map(|(line, names)| (line, names, false)).or_else(without_one);
     let Some((line, names, lacks_first_name)) = found else { return Header::default() };
@@ -406,21 +413,44 @@ fn is_note(line: &str, layout: &Layout, n_empty: usize) -> bool {
         && (comment_sign(line, None).is_some() || is_single_word(line) || is_text())
 }
 
-/// True if the first cell of each of the first rows is empty, or alone in quotation marks as R writes the names of rows.
-fn has_unnamed_first(rows: &[&str], layout: &Layout) -> bool {
-    let mut rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(FEWEST_ROWS);
-    let is_of_r = |line: &str| line.starts_with('"') && line.matches('"').count() == 2;
-    rows.all(|line| {
-        layout.delimiter != Delimiter::Spaces && cells(line, layout.delimiter)[0].is_empty() || is_of_r(line)
-    })
+/// Number of rows whose first cells are looked at.
+const FIRST_ROWS: usize = 8;
+
+/// What the first cells of the rows are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum FirstCells {
+    /// Empty, or alone in quotation marks as R writes the names of rows.
+    Names,
+    /// Whole numbers that grow by one.
+    Counts,
+    WholeNumbers,
+    Numbers,
+    Others,
 }
 
-/// True if the first cells of the first rows are whole numbers that grow by one.
-fn counts_rows(rows: &[&str], layout: &Layout) -> bool {
-    let rows = rows.iter().filter(|line| !is_blank_or_comment(line, None)).take(LOOKED_AT);
-    let first = |line: &&str| cells(line, layout.delimiter).iter().find(|cell| !cell.is_empty())?.parse::<i64>().ok();
-    let firsts: Vec<Option<i64>> = rows.map(first).collect();
-    firsts.windows(2).all(|pair| pair[0].zip(pair[1]).is_some_and(|(one, next)| next == one + 1))
+fn first_cells(rows: &[&str], layout: &Layout) -> FirstCells {
+    let rows = || rows.iter().filter(|line| !is_blank_or_comment(line, None));
+    let is_between_blanks = layout.delimiter == Delimiter::Spaces;
+    let is_of_r = |line: &str| line.starts_with('"') && line.matches('"').count() == 2;
+    let is_empty = |line: &str| !is_between_blanks && cells(line, layout.delimiter)[0].is_empty();
+    if rows().take(FEWEST_ROWS).all(|line| is_empty(line) || is_of_r(line)) {
+        return FirstCells::Names;
+    }
+    let first = |line: &&str| {
+        let cells = cells(line, layout.delimiter);
+        let cell = cells.iter().find(|cell| !cell.is_empty())?;
+        cell.replace(',', ".").parse::<f64>().ok().map(|number| (number, !cell.contains(['.', ','])))
+    };
+    let Some(firsts) = rows().take(FIRST_ROWS).map(first).collect::<Option<Vec<(f64, bool)>>>() else {
+        return FirstCells::Others;
+    };
+    if !firsts.iter().all(|(_, is_whole)| *is_whole) {
+        FirstCells::Numbers
+    } else if firsts.windows(2).all(|pair| pair[1].0 == pair[0].0 + 1.0) {
+        FirstCells::Counts
+    } else {
+        FirstCells::WholeNumbers
+    }
 }
 
 /// Finds a header in the comments above a table, as JPK writes it: `# columns: …` and `# units: …`. `None` without such comments.

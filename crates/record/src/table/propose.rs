@@ -832,7 +832,8 @@ impl DescribedFile<'_> {
             _ => Thousands::Comma,
         };
         // Numbers of each column with the sign, those too small for it, and those that lack it although they are large. Only a column whose small numbers lack the sign shows
-        // what it means: in a column of decimals, all numbers may have three of them.
+        // what it means: in a column of decimals, all numbers may have three of them. No decimal number has the sign twice.
+        let mut is_repeated = false;
         let mut counts: BTreeMap<usize, [usize; 3]> = BTreeMap::new();
         for row in self.rows() {
             for (at, cell) in row.iter().enumerate().filter(|(_, cell)| !is_lost(cell)) {
@@ -846,6 +847,7 @@ impl DescribedFile<'_> {
                             false => continue,
                         }
                     }
+                    is_repeated |= taken.contains(&at) && cell.matches(sign.name()).count() > 1;
                     0
                 } else if is_number(&plain) {
                     if digits <= 3 { 1 } else { 2 }
@@ -861,7 +863,7 @@ impl DescribedFile<'_> {
         let shows = |[n_grouped, n_small, n_large]: &[usize; 3]| {
             *n_grouped >= fewest_grouped && *n_small >= fewest_small && *n_large == 0
         };
-        if !counts.values().any(shows) {
+        if !is_repeated && !counts.values().any(shows) {
             return Ok(None);
         }
         let [n_grouped, n_small] = [0, 1].map(|kind| counts.values().map(|count| count[kind]).sum::<usize>());
@@ -1020,9 +1022,8 @@ impl DescribedFile<'_> {
     }
 }
 
-/// Least size of a force that may mean a missing value: such a number has only nines, or is far beyond any unit.
+/// Least size of a force of nines that may mean a missing value.
 const LEAST_MARK: f64 = 999.0;
-const BEYOND_UNITS: f64 = 1e20;
 /// Least ratio of such a force to the largest other force, and the largest part of the rows that have it.
 const MARK_TO_OTHERS: f64 = 20.0;
 const MOST_MARKED: f64 = 0.2;
@@ -1038,7 +1039,7 @@ fn refuse_marks_of_missing_forces(
 ) -> Result<()> {
     let written = || trajectory.force_n.iter().map(|force_n| force_n / unit.to_si(1.0));
     let has_only_nines = |size: f64| ((size + 1.0).log10() - (size + 1.0).log10().round()).abs() < 1e-9;
-    let is_mark = |value: f64| value.abs() >= BEYOND_UNITS || value.abs() >= LEAST_MARK && has_only_nines(value.abs());
+    let is_mark = |value: f64| value.abs() >= LEAST_MARK && has_only_nines(value.abs());
     let Some(first) = written().position(is_mark) else { return Ok(()) };
     let mark = written().nth(first).unwrap_or(f64::NAN);
     let n_marked = written().filter(|value| is_mark(*value)).count();
