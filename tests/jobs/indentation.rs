@@ -51,7 +51,8 @@ fn read(
 }
 
 fn problem(experiment: Experiment, base: &str) -> Problem {
-    let specification = ModelSpecification::from_options(Some(base), &[], &[], Some("generic"), &[]).expect("a model");
+    let specification =
+        ModelSpecification::default().with_options(Some(base), &[], &[], Some("generic"), &[]).expect("a model");
     Problem::new(experiment, specification, None, &SilentMonitor).expect("a model of the experiment")
 }
 
@@ -320,7 +321,8 @@ fn what_an_indenter_cannot_have_is_refused() {
     let (experiment, files) = read(sphere, COLUMNS, &indentation(1.5, 1e-4, 3e-3, 1)).expect("a record");
     assert!(files.notes.iter().any(|note| matches!(note, Note::TipUnknown { .. })));
     let effects = ["force-gradient".to_string()];
-    let specification = ModelSpecification::from_options(None, &effects, &[], Some("generic"), &[]).expect("a model");
+    let specification =
+        ModelSpecification::default().with_options(None, &effects, &[], Some("generic"), &[]).expect("a model");
     let error = Problem::new(experiment, specification, None, &SilentMonitor).err().expect("refused").to_string();
     assert!(error.contains("force-gradient") && error.contains("indenter"), "{error}");
 }

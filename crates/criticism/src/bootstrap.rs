@@ -86,16 +86,6 @@ impl Bootstrap {
         (1 + reached) as f64 / (1 + self.largest.len()) as f64
     }
 
-    /// Number of simulations made.
-    pub fn len(&self) -> usize {
-        self.largest.len()
-    }
-
-    /// Returns whether no simulation was made.
-    pub fn is_empty(&self) -> bool {
-        self.largest.is_empty()
-    }
-
     /// Returns the 95 % quantile (nats) of the simulated largest gains. It is the largest gain for at most twenty simulations, and infinite for none.
     pub fn threshold(&self) -> f64 {
         let mut sorted = self.largest.clone();
@@ -218,7 +208,7 @@ mod tests {
                 let gain = exponential(999);
                 let bootstrap =
                     Bootstrap::of(gain, Simulations { most: 99, only_for }, |number| exponential(number as u64));
-                (bootstrap.p(gain), bootstrap.len())
+                (bootstrap.p(gain), bootstrap.largest.len())
             };
             let found: Vec<(f64, usize)> = (0..N).into_par_iter().map(p).collect();
             let share = |bar: f64| found.iter().filter(|(p, _)| *p <= bar).count() as f64 / N as f64;
@@ -310,7 +300,7 @@ mod tests {
         let bootstrap = Bootstrap { largest: vec![0.5, 1.0, 2.0, 4.0] };
         assert_eq!(bootstrap.p(3.0), 2.0 / 5.0);
         assert_eq!(bootstrap.p(5.0), 1.0 / 5.0);
-        assert_eq!((bootstrap.len(), bootstrap.threshold()), (4, 4.0));
+        assert_eq!(bootstrap.threshold(), 4.0);
         // The 95th of 99 sorted gains: four exceed it.
         assert_eq!(Bootstrap { largest: (1..=99).rev().map(f64::from).collect() }.threshold(), 95.0);
         // Ten searches are too few for a 95 % limit.

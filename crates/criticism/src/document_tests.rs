@@ -94,7 +94,6 @@ pub fn slip(model: &Refitted) -> OutsideStructure {
         sentence: "a slip.".into(),
         gain_nats: 30.0,
         penalised_gain_nats: 25.0,
-        degrees: 1,
         p_familywise: 0.005,
         size_um: 9.0,
         event_time_s: Some(12.0),

@@ -15,7 +15,7 @@ const COMPLIANCE_PER_M: f64 = 549.0;
 
 fn problem(experiment: Experiment, set: &[&str]) -> Problem {
     let set: Vec<String> = set.iter().map(|s| s.to_string()).collect();
-    let specification = ModelSpecification::from_options(None, &[], &[], None, &set).unwrap();
+    let specification = ModelSpecification::default().with_options(None, &[], &[], None, &set).unwrap();
     Problem::new(experiment, specification, None, &SilentMonitor).unwrap()
 }
 
@@ -131,7 +131,8 @@ fn nothing_left_to_fit_is_refused() {
 fn parameters_that_fit_as_well_are_named() {
     let (mut experiment, _) = embedded().unwrap();
     let with_lag = |experiment: Experiment| {
-        let specification = ModelSpecification::from_options(None, &["actuator-lag".into()], &[], None, &[]).unwrap();
+        let specification =
+            ModelSpecification::default().with_options(None, &["actuator-lag".into()], &[], None, &[]).unwrap();
         Problem::new(experiment, specification, None, &SilentMonitor).unwrap()
     };
     let truth = [TABLE_I[0], TABLE_I[1], TABLE_I[2], 0.03];

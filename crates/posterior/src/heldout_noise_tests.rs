@@ -22,7 +22,7 @@ fn problem() -> Problem {
     let (mut experiment, _) = embedded().unwrap();
     experiment.apparatus = Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M, is_stress_strain: false };
     let noise = ["white", "ou", "gain"].map(String::from);
-    let specification = ModelSpecification::from_options(None, &[], &noise, None, &[]).unwrap();
+    let specification = ModelSpecification::default().with_options(None, &[], &noise, None, &[]).unwrap();
     Problem::new(experiment, specification, None, &SilentMonitor).unwrap()
 }
 

@@ -156,11 +156,6 @@ impl Judgement {
         Self::of(problem, &prediction, yardstick)
     }
 
-    /// Returns true if the held-out cycles lie outside the joint predictive band.
-    pub fn is_outside_band(&self) -> bool {
-        self.joint_p.is_some_and(|p| p < OUTSIDE_BAND)
-    }
-
     /// Lists the warnings that follow from the judgement, most serious first.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut list: Vec<Warning> = self.unknown_jump.iter().cloned().collect();

@@ -33,7 +33,7 @@ fn warnings_of(slow_um: f64, slow_s: f64, noise: &[&str], values: &[f64], origin
     experiment.apparatus =
         record::Apparatus::Instrument { compliance_per_m: COMPLIANCE_PER_M, is_stress_strain: false };
     let names: Vec<String> = noise.iter().map(|name| name.to_string()).collect();
-    let specification = ModelSpecification::from_options(None, &[], &names, None, &[]).unwrap();
+    let specification = ModelSpecification::default().with_options(None, &[], &names, None, &[]).unwrap();
     let problem = Problem::new(experiment, specification, None, &SilentMonitor).unwrap();
     let prediction = Prediction {
         position_m: &exact_m,

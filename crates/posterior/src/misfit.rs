@@ -219,12 +219,6 @@ impl Misfit {
         learnt_m > NOISE_FACTOR * self.noise_m
             && (self.returning_m.is_some() || self.learnt_degrees > 0.0 && is_beyond())
     }
-
-    /// Largest root mean square residual (m) among the fitted and the held-out cycles that is too large for noise; 0 if neither is too large.
-    pub fn largest_m(&self) -> f64 {
-        let sizes = [Some(self.fitted), self.heldout];
-        sizes.iter().flatten().filter(|size| size.is_too_large).map(|size| size.rms_m).fold(0.0, f64::max)
-    }
 }
 
 /// Orthonormal directions in which posterior draws differ most from their mean. `draws_m` holds each draw's position (m) at every row, and `mean_m` the mean position.

@@ -145,8 +145,6 @@ impl ShareLayout {
 pub struct Population {
     /// Kept draws of each chain.
     pub chains: Vec<Vec<PopulationDraw>>,
-    /// Number of parameters.
-    pub n_parameters: usize,
     /// Number of sweeps per chain from which draws were kept.
     pub n_sweeps: usize,
     /// Largest rank-normalised split R̂ of all groups' means and spreads.
@@ -195,8 +193,7 @@ pub fn sample_population(
         let has_converged = rhat <= LARGEST_RHAT && ess >= FEWEST_EFFECTIVE_DRAWS;
         if has_converged || 2 * n_sweeps > options.max_sweeps {
             let chains = runs.into_iter().map(|run| run.kept).collect();
-            let n_parameters = options.overall_mean.len();
-            return Ok(Population { chains, n_parameters, n_sweeps, rhat, ess, has_converged });
+            return Ok(Population { chains, n_sweeps, rhat, ess, has_converged });
         }
         (n_next, keep_every) = (n_sweeps, 2 * keep_every);
         for run in &mut runs {

@@ -297,7 +297,6 @@ impl<'a> OutsideSearch<'a> {
             sentence: with_twins(words.sentence, &twins),
             gain_nats: self.gain(&refit),
             penalised_gain_nats,
-            degrees: amplitudes.len(),
             p_familywise: null.p_familywise(penalised_gain_nats),
             size_um,
             event_time_s: words.event_time_s,

@@ -128,8 +128,6 @@ pub struct OutsideStructure {
     pub gain_nats: f64,
     /// Gain less the family's penalty, in nats. The penalty is the median of the family's best gain in pure noise, at least 1.5 nats per amplitude.
     pub penalised_gain_nats: f64,
-    /// Number of free amplitudes.
-    pub degrees: usize,
     /// Fraction of simulated residuals in which any family gains as much.
     pub p_familywise: f64,
     /// Root mean square (µm), over the fitted rows, of the part of the structure that the model's parameters cannot absorb.

@@ -74,18 +74,6 @@ const DEFAULT_PARENT: &str = "vitreo-uq-out";
 pub struct Study {
     dir: PathBuf,
     inputs_sha256: BTreeMap<String, String>,
-    opening: Opening,
-}
-
-/// Result of opening a study directory: it was created, continued or replaced.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Opening {
-    /// The study was created.
-    Created,
-    /// A study of this input existed and is continued.
-    Continued,
-    /// A study of another input existed, and `--force` replaced it.
-    Replaced,
 }
 
 impl Study {
@@ -109,13 +97,13 @@ impl Study {
     /// input and `force` is not set. [`Error::File`] if the operating system refuses.
     pub fn open_or_create(dir: &Path, files: &ExperimentFiles, force: bool) -> Result<Self> {
         let inputs_sha256 = hashes_of(files)?;
-        let study = |opening| Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone(), opening };
+        let study = || Self { dir: dir.to_path_buf(), inputs_sha256: inputs_sha256.clone() };
         if Self::is_study(dir) {
             files::forbid_links(dir, WHAT);
             files::remove_stale_files(dir);
             if read_hashes(dir)? == inputs_sha256 {
                 check_copies(dir, &inputs_sha256)?;
-                return Ok(study(Opening::Continued));
+                return Ok(study());
             }
             if !force {
                 return Err(Error::input(
@@ -131,15 +119,15 @@ impl Study {
             let lock = Lock::acquire(dir)?;
             create(dir, files, &inputs_sha256, true)?;
             drop(lock);
-            return Ok(study(Opening::Replaced));
+            return Ok(study());
         }
         Self::check_place(dir)?;
         let created = create(dir, files, &inputs_sha256, false);
         files::forbid_links(dir, WHAT);
         match created {
-            Ok(()) => Ok(study(Opening::Created)),
+            Ok(()) => Ok(study()),
             // Another program created the same study in the meantime.
-            Err(_) if Self::is_study(dir) && read_hashes(dir)? == inputs_sha256 => Ok(study(Opening::Continued)),
+            Err(_) if Self::is_study(dir) && read_hashes(dir)? == inputs_sha256 => Ok(study()),
             Err(error) => Err(error),
         }
     }
@@ -179,7 +167,7 @@ impl Study {
         files::remove_stale_files(dir);
         let inputs_sha256 = read_hashes(dir)?;
         check_copies(dir, &inputs_sha256)?;
-        Ok(Self { dir: dir.to_path_buf(), inputs_sha256, opening: Opening::Continued })
+        Ok(Self { dir: dir.to_path_buf(), inputs_sha256 })
     }
 
     /// Directory of the study.
@@ -193,11 +181,6 @@ impl Study {
     /// [`Error::Input`] if the experiment's files have names that are reserved in a study.
     pub fn hashes_of(files: &ExperimentFiles) -> Result<BTreeMap<String, String>> {
         hashes_of(files)
-    }
-
-    /// Tells if the study was created, continued or replaced when it was opened.
-    pub fn opening(&self) -> Opening {
-        self.opening
     }
 
     /// SHA-256 of each input, in hexadecimal, by file name.

@@ -178,26 +178,12 @@ impl ModelSpecification {
         Ok(specification)
     }
 
-    /// Creates a specification from the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE`, with defaults for missing options. `base` may be the
-    /// path of a TOML file with a base law, such as a network. It may also be a server's address, optionally followed by `#` and the model's name. The law then has the
-    /// parameters of the prior.
+    /// Applies the options `--base`, `--with`, `--noise`, `--prior` and `--set NAME=VALUE` to this specification. Effects and values are added; base, noise and prior are
+    /// replaced if given. `base` may be the path of a TOML file with a base law, such as a network. It may also be a server's address, optionally followed by `#` and the
+    /// model's name. The law then has the parameters of the prior.
     ///
     /// # Errors
     /// [`Error::Input`] that names the invalid option.
-    pub fn from_options(
-        base: Option<&str>,
-        effects: &[String],
-        noise: &[String],
-        prior: Option<&str>,
-        set: &[String],
-    ) -> Result<Self> {
-        Self::default().with_options(base, effects, noise, prior, set)
-    }
-
-    /// Applies options to this specification. Effects and values are added; base, noise and prior are replaced if given.
-    ///
-    /// # Errors
-    /// Errors of [`ModelSpecification::from_options`].
     pub fn with_options(
         self,
         base: Option<&str>,

@@ -37,7 +37,10 @@ fn a_network_is_read_and_written_back() {
 #[test]
 fn a_base_alone_is_the_default_model() {
     assert_eq!(read("base = \"lethersich\"").unwrap(), ModelSpecification::default());
-    assert_eq!(ModelSpecification::from_options(None, &[], &[], None, &[]).unwrap(), ModelSpecification::default());
+    assert_eq!(
+        ModelSpecification::default().with_options(None, &[], &[], None, &[]).unwrap(),
+        ModelSpecification::default()
+    );
 }
 
 #[test]
@@ -101,7 +104,8 @@ fn unacceptable_models_are_refused_with_line_key_and_remedy() {
 fn options_are_refused_by_their_names() {
     let refused = |base: Option<&str>, with: &[&str], noise: &[&str], set: &[&str]| {
         let function = |texts: &[&str]| texts.iter().map(|text| text.to_string()).collect::<Vec<_>>();
-        match ModelSpecification::from_options(base, &function(with), &function(noise), None, &function(set)) {
+        match ModelSpecification::default().with_options(base, &function(with), &function(noise), None, &function(set))
+        {
             Err(Error::Input { place, .. }) => place.key.unwrap(),
             other => panic!("{other:?}"),
         }
@@ -119,7 +123,7 @@ fn options_are_refused_by_their_names() {
         assert_eq!(refused(None, &[], &[], set), "fixed");
     }
     let set = ["young_modulus_pa = 3.5".to_string()];
-    let specification = ModelSpecification::from_options(None, &[], &[], Some("generic"), &set).unwrap();
+    let specification = ModelSpecification::default().with_options(None, &[], &[], Some("generic"), &set).unwrap();
     assert_eq!((specification.fixed["young_modulus_pa"], specification.prior.as_str()), (3.5, "generic"));
 }
 
@@ -130,7 +134,7 @@ fn an_optional_parameter_is_held_at_its_null_until_it_is_freed() {
     let library = Library::default();
     let held = |set: &[&str]| {
         let set: Vec<String> = set.iter().map(|text| text.to_string()).collect();
-        let made = ModelSpecification::from_options(None, &["large-displacement".into()], &[], None, &set)?;
+        let made = ModelSpecification::default().with_options(None, &["large-displacement".into()], &[], None, &set)?;
         Ok::<_, Error>(made)
     };
     let scales = crate::replica::embedded().unwrap().0.scales();

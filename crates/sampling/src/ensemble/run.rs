@@ -34,9 +34,6 @@ pub struct SampleOutcome {
     pub n_steps: u64,
     /// Step at which the burn-in ended (the last freeze). Earlier draws were discarded.
     pub freeze_step: u64,
-    /// Number of freezes, which end a burn-in. It exceeds one if the burn-in was too short, or if some walkers had not joined the others after a
-    /// freeze.
-    pub n_freezes: u64,
     /// Fraction of proposals that were accepted since the end of the burn-in.
     pub acceptance: f64,
     /// Longest integrated autocorrelation time of all coordinates, in steps.
@@ -135,7 +132,6 @@ impl<'a> EnsembleRun<'a> {
             jumps: Independence::from_modes(&modes, density.dimension()).map(|q| (q, options.jump_fraction)),
             modes,
             walkers_reseeded: 0,
-            n_freezes: 0,
             extra_evaluations: 0,
             autocorrelation_time: None,
             forced: false,
@@ -337,7 +333,6 @@ impl<'a> EnsembleRun<'a> {
     /// Ends the burn-in: fits the approximation for jumps and discards earlier draws. From then on only fixed moves act on the walkers.
     fn freeze(&mut self, steps: u64, time: f64, draws: &Draws) {
         self.course.phase = Phase::Sampling;
-        self.course.n_freezes += 1;
         self.fit_jumps(draws);
         self.discard(steps);
         let wanted = 1.05 * self.options.convergence.autocorrelation_times * time;
@@ -409,7 +404,6 @@ impl<'a> EnsembleRun<'a> {
             messages,
             n_steps: self.course.target_step,
             freeze_step: self.course.base_step,
-            n_freezes: self.course.n_freezes,
             acceptance: accepted as f64 / n_proposals as f64,
             autocorrelation_time: time,
             likelihood_evaluations: self.course.target_step * self.n_all_walkers() + self.course.extra_evaluations,

@@ -21,7 +21,6 @@ pub(super) struct AdaptationState {
     /// Approximation of the posterior from which jumps are drawn, and the fraction of half-steps that jump; `None` without jumps.
     pub jumps: Option<(Independence, f64)>,
     pub walkers_reseeded: u64,
-    pub n_freezes: u64,
     /// Number of evaluations of the density that are not part of a step.
     pub extra_evaluations: u64,
     /// Latest estimate of the autocorrelation time, in steps, from draws that were kept often enough to resolve it.
