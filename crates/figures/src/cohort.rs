@@ -1,12 +1,12 @@
 //! Figure of a cohort's diagnosis: a map with a row for each record and a column for each effect. The colour shows the record's gain by the effect, whose sizes
 //! share one distribution. The sums over all records are below.
 
-use super::axes::{Axes, TICK_SIZE_PX, title_with_text};
+use super::axes::{TICK_SIZE_PX, title_with_text};
 use super::font::{shorten, text_width_px};
+use super::legend::{FULL_COLOUR, signed_colour, signed_colour_bar};
 use super::number::{format_decimals, format_significant};
-use super::palette::{BLUE, Colour, GREEN, INK, MUTED, ORANGE, SKY, VERMILLION, WHITE};
+use super::palette::{Colour, GREEN, INK, MUTED, ORANGE, SKY, WHITE};
 use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
-use super::ticks::AxisScale;
 use base::Result;
 use documents::cohort::{CohortDiagnosis, CohortEffect, CohortSpecimen};
 use documents::diagnosis::Status;
@@ -15,11 +15,8 @@ const MARGIN_PX: f64 = 20.0;
 const WIDTH_PX: f64 = 1080.0;
 /// Maximum width of a record's label, in pixels.
 const LABEL_PX: f64 = 190.0;
-const BAR_PX: f64 = 18.0;
 /// Width of the colour bar with its numbers, in pixels.
 const RIGHT_PX: f64 = 96.0;
-/// Gain (nats) at which the colour is strongest.
-const FULL_NATS: f64 = 6.0;
 /// Gain (nats) above which the number is written into the cell.
 const WRITTEN_NATS: f64 = 1.0;
 /// Largest number of records for which rows are high, and the height of such a row in pixels.
@@ -45,14 +42,6 @@ pub fn cohort(diagnosis: &CohortDiagnosis) -> Result<Svg> {
     let mut svg = Svg::new(WIDTH_PX, height, &heading);
     draw(&mut svg);
     Ok(svg)
-}
-
-/// Colour of a gain: white at 0, blue for gains, vermillion for losses.
-fn colour(gain_nats: f64) -> Colour {
-    let end = if gain_nats > 0.0 { BLUE } else { VERMILLION };
-    let share = (gain_nats.abs() / FULL_NATS).min(1.0);
-    let mix = |from: u8, to: u8| (f64::from(from) + share * (f64::from(to) - f64::from(from))).round() as u8;
-    Colour(mix(WHITE.0, end.0), mix(WHITE.1, end.1), mix(WHITE.2, end.2))
 }
 
 struct Map<'a> {
@@ -115,7 +104,12 @@ impl<'a> Map<'a> {
             svg.rect(rows, Style::from(Stroke::solid(MUTED, 0.8)));
             y += GAP_PX;
         }
-        colour_bar(svg, frame);
+        let bar = signed_colour_bar(svg, &frame);
+        for (dy, text) in [(-22.0, "nats that a"), (-8.0, "record gains")] {
+            let at = (bar.frame.x - 6.0, bar.frame.y + dy);
+            svg.text(text, at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+        }
+        bar.outline(svg);
         self.sums(svg, frame, column)
     }
 
@@ -133,11 +127,11 @@ impl<'a> Map<'a> {
                 continue;
             };
             let line = if self.is_named() { Some(Stroke::solid(WHITE, 0.8)) } else { None };
-            svg.rect(area, Style { fill: Some(Fill::new(colour(gain.gain_nats), 1.0)), stroke: line });
+            svg.rect(area, Style { fill: Some(Fill::new(signed_colour(gain.gain_nats), 1.0)), stroke: line });
             let text = format_significant(gain.gain_nats, 2);
             let fits = text_width_px(&text, TICK_SIZE_PX) < column - 4.0 && strip.height >= FEW.1;
             if gain.gain_nats.abs() > WRITTEN_NATS && fits {
-                let ink = if gain.gain_nats.abs() > 0.6 * FULL_NATS { WHITE } else { INK };
+                let ink = if gain.gain_nats.abs() > 0.6 * FULL_COLOUR { WHITE } else { INK };
                 let style = TextStyle::new(TICK_SIZE_PX, Anchor::Middle).colour(ink);
                 svg.text(&text, (area.x + 0.5 * column, middle), style);
             }
@@ -185,26 +179,6 @@ fn ink(effect: &CohortEffect) -> Colour {
         Status::Unsupported => INK,
         Status::Invisible => MUTED,
     }
-}
-
-fn colour_bar(svg: &mut Svg, frame: Rect) {
-    const N_STRIPES: usize = 48;
-    let bar = Rect { x: frame.right() + 24.0, y: frame.y, width: BAR_PX, height: frame.height.max(120.0) };
-    let axes = Axes { frame: bar, x: AxisScale::linear(0.0, 1.0), y: AxisScale::linear(-FULL_NATS, FULL_NATS) };
-    for k in 0..N_STRIPES {
-        let low = -FULL_NATS + 2.0 * FULL_NATS * k as f64 / N_STRIPES as f64;
-        let high = low + 2.0 * FULL_NATS / N_STRIPES as f64;
-        let stripe = Rect { y: axes.y_px(high), height: axes.y_px(low) - axes.y_px(high) + 0.5, ..bar };
-        svg.rect(stripe, Fill::new(colour(0.5 * (low + high)), 1.0));
-    }
-    for value in [-6.0, -3.0, 0.0, 3.0, 6.0] {
-        let at = (bar.right() + 6.0, axes.y_px(value) + 0.36 * TICK_SIZE_PX);
-        svg.text(&format_significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
-    }
-    for (y, text) in [(bar.y - 22.0, "nats that a"), (bar.y - 8.0, "record gains")] {
-        svg.text(text, (bar.x - 6.0, y), TextStyle::new(TICK_SIZE_PX, Anchor::Start));
-    }
-    axes.outline(svg);
 }
 
 #[cfg(test)]

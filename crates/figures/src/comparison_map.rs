@@ -3,15 +3,13 @@
 
 use super::axes::{Axes, AxisStyle, TICK_SIZE_PX, title};
 use super::font::text_width_px;
+use super::legend::{FULL_COLOUR, signed_colour, signed_colour_bar};
 use super::number::format_significant;
-use super::palette::{BLUE, Colour, INK, MUTED, VERMILLION, WHITE};
+use super::palette::{INK, MUTED, WHITE};
 use super::svg::{Anchor, Fill, Rect, Stroke, Style, Svg, TextStyle};
 use super::ticks::AxisScale;
 
 const WIDTH_PX: f64 = 960.0;
-const BAR_WIDTH_PX: f64 = 18.0;
-/// Ratio of a mean residual to its standard error at which the colour is strongest.
-const FULL_COLOUR: f64 = 6.0;
 /// Ratio of a mean residual to its standard error above which the mean is written into the cell.
 const MARKED: f64 = 3.0;
 
@@ -37,14 +35,6 @@ pub struct FailureMapData<'a> {
     pub shortest_s: f64,
     /// Rows of the map, from top to bottom.
     pub rows: &'a [FailureMapRow],
-}
-
-/// Colour of a mean residual divided by its standard error: white at 0, blue for positive, vermillion for negative values.
-fn colour(score: f64) -> Colour {
-    let end = if score > 0.0 { BLUE } else { VERMILLION };
-    let share = (score.abs() / FULL_COLOUR).min(1.0);
-    let mix = |from: u8, to: u8| (f64::from(from) + share * (f64::from(to) - f64::from(from))).round() as u8;
-    Colour(mix(WHITE.0, end.0), mix(WHITE.1, end.1), mix(WHITE.2, end.2))
 }
 
 /// Draws the failure map.
@@ -89,7 +79,8 @@ fn draw_row(svg: &mut Svg, axes: &Axes, data: &FailureMapData, row: &FailureMapR
             svg.rect(area, Fill::new(MUTED, 0.12));
             continue;
         };
-        let style = Style { fill: Some(Fill::new(colour(*score), 1.0)), stroke: Some(Stroke::solid(WHITE, 0.8)) };
+        let style =
+            Style { fill: Some(Fill::new(signed_colour(*score), 1.0)), stroke: Some(Stroke::solid(WHITE, 0.8)) };
         svg.rect(area, style);
         let text = format_significant(*mean_um, 2);
         // If the noise is correlated, the whitened mean can have the opposite sign. A written number would then contradict its colour.
@@ -119,19 +110,8 @@ fn frame_heldout(svg: &mut Svg, rows: &[FailureMapRow], frame: Rect, row_height:
 }
 
 fn colour_bar(svg: &mut Svg, frame: &Rect) {
-    const N_STRIPES: usize = 48;
-    let bar = Rect { x: frame.right() + 24.0, y: frame.y, width: BAR_WIDTH_PX, height: frame.height.max(120.0) };
-    let axes = Axes { frame: bar, x: AxisScale::linear(0.0, 1.0), y: AxisScale::linear(-FULL_COLOUR, FULL_COLOUR) };
-    for k in 0..N_STRIPES {
-        let low = -FULL_COLOUR + 2.0 * FULL_COLOUR * k as f64 / N_STRIPES as f64;
-        let high = low + 2.0 * FULL_COLOUR / N_STRIPES as f64;
-        let stripe = Rect { y: axes.y_px(high), height: axes.y_px(low) - axes.y_px(high) + 0.5, ..bar };
-        svg.rect(stripe, Fill::new(colour(0.5 * (low + high)), 1.0));
-    }
-    for value in [-6.0, -3.0, 0.0, 3.0, 6.0] {
-        let at = (bar.right() + 6.0, axes.y_px(value) + 0.36 * TICK_SIZE_PX);
-        svg.text(&format_significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
-    }
+    let axes = signed_colour_bar(svg, frame);
+    let bar = axes.frame;
     for (y, text) in
         [(bar.y - 8.0, "bead ahead"), (bar.bottom() + 16.0, "bead lags"), (bar.bottom() + 32.0, "* held out")]
     {

@@ -332,8 +332,7 @@ impl ColourScale {
         // The power 0.6 makes small differences visible. The power 1.5 makes cells pale if their sign is nearly random.
         let share = STRONGEST * strength.powf(0.6) * sureness.powf(1.5);
         let towards = if ratio < 1.0 { BLUE } else { VERMILLION };
-        let mix = |white: u8, colour: u8| (f64::from(white) + share * (f64::from(colour) - f64::from(white))).round();
-        Colour(mix(WHITE.0, towards.0) as u8, mix(WHITE.1, towards.1) as u8, mix(WHITE.2, towards.2) as u8)
+        towards.on_white(share)
     }
 }
 

@@ -1,9 +1,11 @@
 //! Legends of figures: samples of lines and areas, with texts.
 
-use super::axes::TICK_SIZE_PX;
+use super::axes::{Axes, TICK_SIZE_PX};
 use super::font::{shorten, text_width_px};
-use super::palette::Colour;
+use super::number::format_significant;
+use super::palette::{BLUE, Colour, VERMILLION};
 use super::svg::{Anchor, Fill, Point, Rect, Stroke, Style, Svg, TextStyle};
+use super::ticks::AxisScale;
 
 const MARK_WIDTH_PX: f64 = 22.0;
 /// Distance in pixels from the left edge of a legend's sample to its text.
@@ -11,6 +13,8 @@ pub const MARK_ADVANCE_PX: f64 = MARK_WIDTH_PX + 6.0;
 const LINE_HEIGHT_PX: f64 = 1.6;
 /// A band that is thinner than this is hidden by the line of its median.
 const THINNEST_BAND_PX: f64 = 2.5;
+/// Absolute value at which [`signed_colour`] is strongest.
+pub(crate) const FULL_COLOUR: f64 = 6.0;
 
 /// Sample of a line, area or dot in a legend.
 #[derive(Debug, Clone, Copy)]
@@ -103,4 +107,28 @@ pub fn row(svg: &mut Svg, entries: &[Entry], at: Point, width_px: f64) -> f64 {
 /// Height in pixels of a legend that [`row`] draws.
 pub fn row_height_px(entries: &[Entry], width_px: f64) -> f64 {
     row(&mut Svg::new(1.0, 1.0, ""), entries, (0.0, 0.0), width_px)
+}
+
+/// Colour of a value: white at 0, blue for positive, vermillion for negative values.
+pub(crate) fn signed_colour(value: f64) -> Colour {
+    let end = if value > 0.0 { BLUE } else { VERMILLION };
+    end.on_white((value.abs() / FULL_COLOUR).min(1.0))
+}
+
+/// Draws the bar of [`signed_colour`] with its numbers at the right of a frame. Returns its axes, without an outline.
+pub(crate) fn signed_colour_bar(svg: &mut Svg, frame: &Rect) -> Axes {
+    const N_STRIPES: usize = 48;
+    let bar = Rect { x: frame.right() + 24.0, y: frame.y, width: 18.0, height: frame.height.max(120.0) };
+    let axes = Axes { frame: bar, x: AxisScale::linear(0.0, 1.0), y: AxisScale::linear(-FULL_COLOUR, FULL_COLOUR) };
+    for k in 0..N_STRIPES {
+        let low = -FULL_COLOUR + 2.0 * FULL_COLOUR * k as f64 / N_STRIPES as f64;
+        let high = low + 2.0 * FULL_COLOUR / N_STRIPES as f64;
+        let stripe = Rect { y: axes.y_px(high), height: axes.y_px(low) - axes.y_px(high) + 0.5, ..bar };
+        svg.rect(stripe, Fill::new(signed_colour(0.5 * (low + high)), 1.0));
+    }
+    for value in [-6.0, -3.0, 0.0, 3.0, 6.0] {
+        let at = (bar.right() + 6.0, axes.y_px(value) + 0.36 * TICK_SIZE_PX);
+        svg.text(&format_significant(value, 1), at, TextStyle::new(TICK_SIZE_PX, Anchor::Start));
+    }
+    axes
 }

@@ -4,6 +4,14 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
 
+impl Colour {
+    /// Mixture of white with this colour, whose share is from 0 to 1.
+    pub fn on_white(self, share: f64) -> Self {
+        let mix = |white: u8, end: u8| (f64::from(white) + share * (f64::from(end) - f64::from(white))).round() as u8;
+        Self(mix(WHITE.0, self.0), mix(WHITE.1, self.1), mix(WHITE.2, self.2))
+    }
+}
+
 impl std::fmt::Display for Colour {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
