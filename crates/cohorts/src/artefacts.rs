@@ -97,7 +97,10 @@ pub fn write(
 }
 
 /// Makes a CSV table from a header and rows of texts.
-fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>> {
+pub(super) fn table<'a>(
+    header: impl Iterator<Item = &'a str>,
+    rows: impl Iterator<Item = Vec<String>>,
+) -> Result<Vec<u8>> {
     let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(header).map_err(refused)?;
@@ -112,7 +115,7 @@ const MOST_NEW_SPECIMENS: usize = 4_000;
 
 /// Table of new specimens, two for each draw of the population: the name of the group, the number of the pair, then the parameters in the units of their names.
 fn new_specimens_csv(found: &Comparison) -> Result<Vec<u8>> {
-    let header: Vec<&str> = ["group", "draw"].into_iter().chain(found.parameters.iter().copied()).collect();
+    let header = ["group", "draw"].into_iter().chain(found.parameters.iter().copied());
     let p = found.parameters.len();
     let rows = found.groups.iter().flat_map(|group| {
         let every = (group.new_specimen.len() / p).div_ceil(MOST_NEW_SPECIMENS).max(1);
@@ -124,23 +127,11 @@ fn new_specimens_csv(found: &Comparison) -> Result<Vec<u8>> {
             })
         })
     });
-    table(&header, rows)
+    table(header, rows)
 }
 
 fn groups_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
-    let header = [
-        "group",
-        "specimens",
-        "experiments",
-        "parameter",
-        "median",
-        "q05",
-        "q95",
-        "between_specimen_log_sd",
-        "new_specimen_q05",
-        "new_specimen_q95",
-        "pooling",
-    ];
+    const HEADER: &str = "group,specimens,experiments,parameter,median,q05,q95,between_specimen_log_sd,new_specimen_q05,new_specimen_q95,pooling";
     let rows = summary.groups.iter().flat_map(|group| {
         group.parameters.iter().map(|parameter| {
             let [lower, upper] = parameter.new_specimen_90;
@@ -158,23 +149,11 @@ fn groups_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
             row
         })
     });
-    table(&header, rows)
+    table(HEADER.split(','), rows)
 }
 
 fn contrasts_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
-    let header = [
-        "parameter",
-        "a",
-        "b",
-        "ratio_median",
-        "q05",
-        "q95",
-        "probability_greater",
-        "probability_beyond_margin",
-        "probability_below_margin",
-        "is_declared",
-        "more_specimens_per_group",
-    ];
+    const HEADER: &str = "parameter,a,b,ratio_median,q05,q95,probability_greater,probability_beyond_margin,probability_below_margin,is_declared,more_specimens_per_group";
     let rows = summary.contrasts.iter().map(|contrast| {
         let numbers = [
             contrast.ratio_median,
@@ -190,22 +169,12 @@ fn contrasts_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
         row.push(contrast.more.and_then(|plan| plan.specimens_per_group).map_or_else(String::new, |n| n.to_string()));
         row
     });
-    table(&header, rows)
+    table(HEADER.split(','), rows)
 }
 
 fn specimens_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
-    let header = [
-        "specimen",
-        "group",
-        "parameter",
-        "alone_median",
-        "alone_q05",
-        "alone_q95",
-        "pooled_median",
-        "pooled_q05",
-        "pooled_q95",
-        "is_outlying",
-    ];
+    const HEADER: &str =
+        "specimen,group,parameter,alone_median,alone_q05,alone_q95,pooled_median,pooled_q05,pooled_q95,is_outlying";
     let rows = summary.specimens.iter().flat_map(|specimen| {
         specimen.parameters.iter().map(|parameter| {
             let numbers = [parameter.alone, parameter.pooled].map(|[q05, median, q95]| [median, q05, q95]).concat();
@@ -215,5 +184,5 @@ fn specimens_csv(summary: &GroupsSummary) -> Result<Vec<u8>> {
             row
         })
     });
-    table(&header, rows)
+    table(HEADER.split(','), rows)
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::artefacts::{provenance_of, refuse_other};
+use crate::artefacts::{provenance_of, refuse_other, table};
 use crate::cohort::Measurement;
 use base::error::{Error, Result, Setting};
 use base::files::{write_atomically, write_json_atomically};
@@ -59,18 +59,12 @@ pub fn write(out: &Path, diagnosis: &CohortDiagnosis, provenance: Provenance) ->
 
 /// Makes the CSV table of gains in log likelihood, with one row for each record and effect.
 fn gains_csv(diagnosis: &CohortDiagnosis) -> Result<Vec<u8>> {
-    let refused = |error: csv::Error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON");
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer
-        .write_record(["specimen", "experiment", "group", "effect", "gain_nats", "own_gain_nats"])
-        .map_err(refused)?;
-    for cohort_specimen in &diagnosis.specimens {
-        for gain in &cohort_specimen.gains {
-            let numbers = [gain.gain_nats, gain.own_gain_nats].map(|x| x.to_string());
-            let group = cohort_specimen.group.as_deref().unwrap_or("");
-            let row = [&cohort_specimen.id, &cohort_specimen.experiment, group, &gain.effect, &numbers[0], &numbers[1]];
-            writer.write_record(row).map_err(refused)?;
-        }
-    }
-    writer.into_inner().map_err(|error| Error::numerical(format!("a table cannot be written: {error}"), "use the JSON"))
+    let rows = diagnosis.specimens.iter().flat_map(|specimen| {
+        specimen.gains.iter().map(|gain| {
+            let group = specimen.group.clone().unwrap_or_default();
+            let [gain_nats, own_gain_nats] = [gain.gain_nats, gain.own_gain_nats].map(|x| x.to_string());
+            vec![specimen.id.clone(), specimen.experiment.clone(), group, gain.effect.clone(), gain_nats, own_gain_nats]
+        })
+    });
+    table("specimen,experiment,group,effect,gain_nats,own_gain_nats".split(','), rows)
 }
