@@ -9,7 +9,7 @@ use vitreo_uq::base::number::Dual;
 use vitreo_uq::base::parameter::{ParameterSpec, Support};
 use vitreo_uq::figures::labels;
 use vitreo_uq::jobs::extend::{self, ExtensionRequest};
-use vitreo_uq::models::effects::{DriftApproach, Effect, EffectParameter, Library, Stage, Stages};
+use vitreo_uq::models::effects::{DriftApproach, Effect, EffectDescription, EffectParameter, Library, Stage, Stages};
 use vitreo_uq::posterior::monitor::SilentMonitor;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::replica;
@@ -36,20 +36,14 @@ const PARAMETERS: &[EffectParameter] = &[
 ];
 
 impl Effect for ThermalDrift {
-    fn slug(&self) -> &'static str {
-        "thermal-drift"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Observation
-    }
-    fn summary(&self) -> &'static str {
-        "the stage warms up and carries the camera along"
-    }
-    fn equation(&self) -> &'static str {
-        "x_obs = x + A (1 − exp(−t/τ))"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "thermal-drift",
+            stage: Stage::Observation,
+            summary: "the stage warms up and carries the camera along",
+            equation: "x_obs = x + A (1 − exp(−t/τ))",
+            parameters: PARAMETERS,
+        }
     }
     fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         if !parameters[0].is_constant(0.0) {

@@ -13,7 +13,8 @@ use vitreo_uq::elements::fe::spatial::{
 };
 use vitreo_uq::laws::rheology::{AdditionalTerm, Element};
 use vitreo_uq::models::effects::{
-    Effect, EffectParameter, FieldEffect, FieldSystem, Library, LinearField, MatrixPair, Spatial, Stage, Stages,
+    Effect, EffectDescription, EffectParameter, FieldEffect, FieldSystem, Library, LinearField, MatrixPair, Spatial,
+    Stage, Stages,
 };
 use vitreo_uq::models::model::Forward;
 use vitreo_uq::posterior::monitor::SilentMonitor;
@@ -43,20 +44,14 @@ fn stiffened(element: &Element, factor: Dual) -> Element {
 }
 
 impl Effect for StiffRim {
-    fn slug(&self) -> &'static str {
-        "stiff-rim"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel is stiffer near its outer surface"
-    }
-    fn equation(&self) -> &'static str {
-        "E → (1 + a) E in the outer third of the radius"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "stiff-rim",
+            stage: Stage::Mechanics,
+            summary: "the gel is stiffer near its outer surface",
+            equation: "E → (1 + a) E in the outer third of the radius",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Pair(&StiffRim))

@@ -159,7 +159,7 @@ fn parameters_are_named_by_their_effect_and_end_in_their_unit() {
 #[test]
 fn nothing_that_people_read_is_empty() {
     for &effect in EFFECTS {
-        for text in [effect.summary(), effect.equation()] {
+        for text in [effect.description().summary, effect.description().equation] {
             assert!(text.len() > 5 && text.trim() == text && !text.ends_with('.'), "{}: `{text}`", effect.slug());
         }
         for parameter in effect.parameters() {

@@ -202,8 +202,8 @@ fn entry(
     let mut entry = EffectEntry {
         slug: effect.slug().into(),
         stage: effect.stage().name().into(),
-        summary: effect.summary().into(),
-        equation: effect.equation().into(),
+        summary: effect.description().summary.into(),
+        equation: effect.description().equation.into(),
         parameters: effect.parameters().iter().map(parameter).collect(),
         visible_fraction: None,
         standard_error: None,

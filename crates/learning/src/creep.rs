@@ -8,7 +8,7 @@ use base::number::Dual;
 use base::parameter::{ParameterSpec, Support};
 use criticism::Subject;
 use laws::rheology::Element;
-use models::effects::{Effect, EffectParameter, FieldEffect, Stage, Stages};
+use models::effects::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, Stages};
 use posterior::study::effect_file::leak;
 use record::CharacteristicSizes;
 
@@ -51,20 +51,14 @@ pub fn creep(subject: &Subject) -> Option<&'static Creep> {
 }
 
 impl Effect for Creep {
-    fn slug(&self) -> &'static str {
-        "creep"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the law has additional retardation times"
-    }
-    fn equation(&self) -> &'static str {
-        "J += (1/E) Σ a (1 − e^{−t/τ})"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        self.parameters
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "creep",
+            stage: Stage::Mechanics,
+            summary: "the law has additional retardation times",
+            equation: "J += (1/E) Σ a (1 − e^{−t/τ})",
+            parameters: self.parameters,
+        }
     }
     fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         Some("a free memory cannot be combined with a solved displacement field")

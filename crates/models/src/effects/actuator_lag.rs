@@ -5,7 +5,7 @@
 //! equals `clock-offset` (physics §5), since both change the position x by −τ ẋ. Only the rounded corners of the response, of the size τ²
 //! ẍ, distinguish the two effects.
 
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -31,20 +31,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct ActuatorLag;
 
 impl Effect for ActuatorLag {
-    fn slug(&self) -> &'static str {
-        "actuator-lag"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Load
-    }
-    fn summary(&self) -> &'static str {
-        "the force approaches its commanded value exponentially"
-    }
-    fn equation(&self) -> &'static str {
-        "τ dF/dt = F_in − F"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "actuator-lag",
+            stage: Stage::Load,
+            summary: "the force approaches its commanded value exponentially",
+            equation: "τ dF/dt = F_in − F",
+            parameters: PARAMETERS,
+        }
     }
     fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.lag_time_s += parameters[0];

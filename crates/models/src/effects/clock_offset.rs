@@ -4,7 +4,7 @@
 //! also if the delayed switches are between samples. Causes are separate clocks of camera and coil driver, or a command that is logged
 //! before it is sent. To first order in δ the effect equals `actuator-lag` (physics §5).
 
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -23,20 +23,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct ClockOffset;
 
 impl Effect for ClockOffset {
-    fn slug(&self) -> &'static str {
-        "clock-offset"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Load
-    }
-    fn summary(&self) -> &'static str {
-        "the force acts later than the log says"
-    }
-    fn equation(&self) -> &'static str {
-        "F(t) = F_cmd(t − δ)"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "clock-offset",
+            stage: Stage::Load,
+            summary: "the force acts later than the log says",
+            equation: "F(t) = F_cmd(t − δ)",
+            parameters: PARAMETERS,
+        }
     }
     fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.delay_s += parameters[0];

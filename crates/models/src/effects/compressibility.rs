@@ -6,7 +6,7 @@
 //! the effect only rescales Young's modulus and the viscosities (physics §5), so the data cannot distinguish it from these parameters.
 //! Sources for the response of a tracked sphere as a function of ν: physics §4.1; Schnurr et al. 1997, Macromolecules 30:7781.
 
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
@@ -40,20 +40,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct Compressibility;
 
 impl Effect for Compressibility {
-    fn slug(&self) -> &'static str {
-        "compressibility"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel's Poisson ratio differs from the one in the file"
-    }
-    fn equation(&self) -> &'static str {
-        "K = 2 μ(ν) K_dev + κ(ν) K_vol"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "compressibility",
+            stage: Stage::Mechanics,
+            summary: "the gel's Poisson ratio differs from the one in the file",
+            equation: "K = 2 μ(ν) K_dev + κ(ν) K_vol",
+            parameters: PARAMETERS,
+        }
     }
     fn changes_field(&self) -> bool {
         true

@@ -5,7 +5,7 @@
 //! forces +F and −F alternate, the effect equals `force-bias` up to a factor that Young's modulus and the viscosities absorb (physics §5).
 //! Source for the coils of the reference experiment and their calibration: Kummer et al. 2010, IEEE Trans. Robotics 26:1006.
 
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -25,20 +25,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct ForceAsymmetry;
 
 impl Effect for ForceAsymmetry {
-    fn slug(&self) -> &'static str {
-        "force-asymmetry"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Load
-    }
-    fn summary(&self) -> &'static str {
-        "negative forces are larger than the log says"
-    }
-    fn equation(&self) -> &'static str {
-        "F = (1 + a) F_in where F_in < 0"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "force-asymmetry",
+            stage: Stage::Load,
+            summary: "negative forces are larger than the log says",
+            equation: "F = (1 + a) F_in where F_in < 0",
+            parameters: PARAMETERS,
+        }
     }
     fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.negative_factor = stages.load.negative_factor * (parameters[0] + 1.0);

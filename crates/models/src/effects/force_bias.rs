@@ -5,7 +5,7 @@
 //! bead's weight is as large as the driving force, so a tilt of 3° adds a twentieth of that force. The bias starts with the record, and the
 //! gel creeps under it from then on. If only the forces +F and −F alternate, the effect equals `force-asymmetry` (physics §5).
 
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -24,20 +24,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct ForceBias;
 
 impl Effect for ForceBias {
-    fn slug(&self) -> &'static str {
-        "force-bias"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Load
-    }
-    fn summary(&self) -> &'static str {
-        "a constant force acts in addition to the commanded one"
-    }
-    fn equation(&self) -> &'static str {
-        "F = F_in + b max|F_cmd|"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "force-bias",
+            stage: Stage::Load,
+            summary: "a constant force acts in addition to the commanded one",
+            equation: "F = F_in + b max|F_cmd|",
+            parameters: PARAMETERS,
+        }
     }
     fn refers_to_largest_force(&self) -> bool {
         true

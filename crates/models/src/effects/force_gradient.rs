@@ -6,7 +6,7 @@
 //! path may have any g. A force that grows may diverge with the position, and then no position is computed. Source for calibrations of
 //! force over distance: Gosse & Croquette 2002, Biophys. J. 82:3314.
 
-use super::{Effect, EffectParameter, FieldEffect, Stage, Stages, position_range_m};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -25,20 +25,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct ForceGradient;
 
 impl Effect for ForceGradient {
-    fn slug(&self) -> &'static str {
-        "force-gradient"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Load
-    }
-    fn summary(&self) -> &'static str {
-        "the force depends on the robot's position"
-    }
-    fn equation(&self) -> &'static str {
-        "F = F_in e^{g x}"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "force-gradient",
+            stage: Stage::Load,
+            summary: "the force depends on the robot's position",
+            equation: "F = F_in e^{g x}",
+            parameters: PARAMETERS,
+        }
     }
     fn depends_on_position(&self) -> bool {
         true

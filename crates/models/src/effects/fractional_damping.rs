@@ -13,7 +13,7 @@
 use super::field_conflicts::MEMORY;
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, is_dashpot};
 use super::hold_s;
-use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -35,20 +35,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct FractionalDamping;
 
 impl Effect for FractionalDamping {
-    fn slug(&self) -> &'static str {
-        "fractional-damping"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel's damping has a spectrum of times instead of one time"
-    }
-    fn equation(&self) -> &'static str {
-        "J_k(t) = (1/E) (1 − E_α(−(t E/c₁)^α))"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "fractional-damping",
+            stage: Stage::Mechanics,
+            summary: "the gel's damping has a spectrum of times instead of one time",
+            equation: "J_k(t) = (1/E) (1 − E_α(−(t E/c₁)^α))",
+            parameters: PARAMETERS,
+        }
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let has_dashpot = first_element_mut(&mut elements_of(base), is_dashpot).is_some();

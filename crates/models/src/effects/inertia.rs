@@ -10,7 +10,10 @@
 use nalgebra::DMatrix;
 
 use super::field_conflicts::{memory, wave_conflict};
-use super::{Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages};
+use super::{
+    Effect, EffectDescription, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage,
+    Stages,
+};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -37,20 +40,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct Inertia;
 
 impl Effect for Inertia {
-    fn slug(&self) -> &'static str {
-        "inertia"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "gel and robot have mass"
-    }
-    fn equation(&self) -> &'static str {
-        "div σ = d ρ ü in the gel, F − (force of the gel) = d m ẍ of the robot"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "inertia",
+            stage: Stage::Mechanics,
+            summary: "gel and robot have mass",
+            equation: "div σ = d ρ ü in the gel, F − (force of the gel) = d m ẍ of the robot",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Pair(&Inertia))

@@ -9,7 +9,7 @@
 
 use super::field_conflicts::WAVES;
 use super::first_body::{elements_of, in_series, reference_modulus_pa};
-use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -29,20 +29,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct InstantaneousElasticity;
 
 impl Effect for InstantaneousElasticity {
-    fn slug(&self) -> &'static str {
-        "instantaneous-elasticity"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel has an instantaneous elastic response before it creeps"
-    }
-    fn equation(&self) -> &'static str {
-        "J(t) += (E/E₀)/E"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "instantaneous-elasticity",
+            stage: Stage::Mechanics,
+            summary: "the gel has an instantaneous elastic response before it creeps",
+            equation: "J(t) += (E/E₀)/E",
+            parameters: PARAMETERS,
+        }
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         let law = elements_of(base);

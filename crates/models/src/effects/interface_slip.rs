@@ -12,8 +12,8 @@ use faer::sparse::Triplet;
 use nalgebra::Vector3;
 
 use super::{
-    Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
-    apparent_viscosity_pa_s, robot_radius_m,
+    Effect, EffectDescription, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage,
+    Stages, apparent_viscosity_pa_s, robot_radius_m,
 };
 use base::distribution::Distribution;
 use base::error::Result;
@@ -49,20 +49,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct InterfaceSlip;
 
 impl Effect for InterfaceSlip {
-    fn slug(&self) -> &'static str {
-        "interface-slip"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel slips along the robot's surface"
-    }
-    fn equation(&self) -> &'static str {
-        "ġ = t/β, g the slip along the surface, t the stress along it"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "interface-slip",
+            stage: Stage::Mechanics,
+            summary: "the gel slips along the robot's surface",
+            equation: "ġ = t/β, g the slip along the surface, t the stress along it",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Pair(&InterfaceSlip))

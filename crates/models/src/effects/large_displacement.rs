@@ -6,7 +6,7 @@
 //! a few radii. Other gels with equal responses at small strains deviate differently. With a mobility α > 0 the gel is a Giesekus fluid.
 
 use super::field_conflicts::memory;
-use super::{Effect, EffectParameter, FieldEffect, Spatial, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Spatial, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
@@ -48,20 +48,14 @@ const PARAMETERS: &[EffectParameter] = &[
 pub struct LargeDisplacement;
 
 impl Effect for LargeDisplacement {
-    fn slug(&self) -> &'static str {
-        "large-displacement"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the robot moves so far that strains are large"
-    }
-    fn equation(&self) -> &'static str {
-        "x(gF)/g of the Oldroyd-B fluid whose linear limit is the law"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "large-displacement",
+            stage: Stage::Mechanics,
+            summary: "the robot moves so far that strains are large",
+            equation: "x(gF)/g of the Oldroyd-B fluid whose linear limit is the law",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Large)

@@ -12,7 +12,8 @@ use nalgebra::Vector3;
 
 use super::first_body::{body, elements_of, first_body_mut, first_element_mut, in_series};
 use super::{
-    Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, ShapeParameter, Spatial, Stage, Stages,
+    Effect, EffectDescription, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, ShapeParameter,
+    Spatial, Stage, Stages,
 };
 use base::distribution::Distribution;
 use base::error::{Error, Result};
@@ -64,20 +65,14 @@ const PARAMETERS: &[EffectParameter] = &[
 pub struct LiquefiedPocket;
 
 impl Effect for LiquefiedPocket {
-    fn slug(&self) -> &'static str {
-        "liquefied-pocket"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel around the robot has lost elasticity"
-    }
-    fn equation(&self) -> &'static str {
-        "E → (1 − φ) E within ρ_p radii of the initial centre"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "liquefied-pocket",
+            stage: Stage::Mechanics,
+            summary: "the gel around the robot has lost elasticity",
+            equation: "E → (1 − φ) E within ρ_p radii of the initial centre",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Pair(&LiquefiedPocket))

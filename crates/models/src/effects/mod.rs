@@ -162,18 +162,37 @@ impl std::fmt::Debug for EffectParameter {
     }
 }
 
+/// Name, stage, texts and parameters of an effect.
+#[derive(Debug, Clone, Copy)]
+pub struct EffectDescription {
+    /// Name of the effect in commands, files and parameter names.
+    pub slug: &'static str,
+    /// Stage at which the effect acts.
+    pub stage: Stage,
+    /// Description in a few plain words.
+    pub summary: &'static str,
+    /// Equation, as text.
+    pub equation: &'static str,
+    /// Parameters, in the order in which [`Effect::apply`] takes them.
+    pub parameters: &'static [EffectParameter],
+}
+
 /// Physical effect that a base model may lack.
 pub trait Effect: Sync {
-    /// Name of the effect in commands, files and parameter names.
-    fn slug(&self) -> &'static str;
-    /// Stage at which the effect acts.
-    fn stage(&self) -> Stage;
-    /// Description in a few plain words.
-    fn summary(&self) -> &'static str;
-    /// Equation, as text.
-    fn equation(&self) -> &'static str;
-    /// Parameters, in the order in which [`Effect::apply`] takes them.
-    fn parameters(&self) -> &'static [EffectParameter];
+    /// Name, stage, texts and parameters of the effect.
+    fn description(&self) -> EffectDescription;
+    /// [`EffectDescription::slug`].
+    fn slug(&self) -> &'static str {
+        self.description().slug
+    }
+    /// [`EffectDescription::stage`].
+    fn stage(&self) -> Stage {
+        self.description().stage
+    }
+    /// [`EffectDescription::parameters`].
+    fn parameters(&self) -> &'static [EffectParameter] {
+        self.description().parameters
+    }
     /// Equations of the displacement field; `None` if the effect only multiplies the base law's field by a factor. A model may have at most
     /// one effect with such equations.
     fn field(&self) -> Option<FieldEffect> {

@@ -10,8 +10,8 @@
 use faer::sparse::Triplet;
 
 use super::{
-    Effect, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage, Stages,
-    largest_force_n, position_range_m, robot_radius_m,
+    Effect, EffectDescription, EffectParameter, FieldEffect, FieldSystem, LinearField, MatrixPair, Spatial, Stage,
+    Stages, largest_force_n, position_range_m, robot_radius_m,
 };
 use base::distribution::Distribution;
 use base::error::Result;
@@ -48,20 +48,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct OuterWallCompliance;
 
 impl Effect for OuterWallCompliance {
-    fn slug(&self) -> &'static str {
-        "outer-wall-compliance"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel's outer surface is compliant"
-    }
-    fn equation(&self) -> &'static str {
-        "σ·n = −k u on the outer surface, in place of u = 0"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "outer-wall-compliance",
+            stage: Stage::Mechanics,
+            summary: "the gel's outer surface is compliant",
+            equation: "σ·n = −k u on the outer surface, in place of u = 0",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Pair(&OuterWallCompliance))

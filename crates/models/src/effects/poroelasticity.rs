@@ -9,7 +9,8 @@
 //! (Detournay & Cheng 1993, Comprehensive Rock Engineering 2:113). The paper names solid–fluid models as its future work.
 
 use super::{
-    Effect, EffectParameter, FieldEffect, LinearField, Spatial, Stage, Stages, apparent_viscosity_pa_s, robot_radius_m,
+    Effect, EffectDescription, EffectParameter, FieldEffect, LinearField, Spatial, Stage, Stages,
+    apparent_viscosity_pa_s, robot_radius_m,
 };
 use base::distribution::Distribution;
 use base::error::{Error, Result};
@@ -65,20 +66,14 @@ const PARAMETERS: &[EffectParameter] = &[
 pub struct Poroelasticity;
 
 impl Effect for Poroelasticity {
-    fn slug(&self) -> &'static str {
-        "poroelasticity"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "pressure drives water out of the gel's network"
-    }
-    fn equation(&self) -> &'static str {
-        "div σ' = ∇p, div u̇ + ṗ/M = div(k ∇p), σ' with the drained Poisson ratio"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "poroelasticity",
+            stage: Stage::Mechanics,
+            summary: "pressure drives water out of the gel's network",
+            equation: "div σ' = ∇p, div u̇ + ṗ/M = div(k ∇p), σ' with the drained Poisson ratio",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Pores(drained_range))

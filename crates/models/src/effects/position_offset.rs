@@ -5,7 +5,7 @@
 //! by eye, its error can be the whole indentation depth in a soft gel (Dimitriadis et al. 2002, doi:10.1016/S0006-3495(02)75620-8). The
 //! offset says nothing about the gel, so it is never a candidate effect. Every model of such an experiment has it.
 
-use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -27,20 +27,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct PositionOffset;
 
 impl Effect for PositionOffset {
-    fn slug(&self) -> &'static str {
-        "position-offset"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Observation
-    }
-    fn summary(&self) -> &'static str {
-        "the zero of the position is unknown"
-    }
-    fn equation(&self) -> &'static str {
-        "x_obs = x + b"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "position-offset",
+            stage: Stage::Observation,
+            summary: "the zero of the position is unknown",
+            equation: "x_obs = x + b",
+            parameters: PARAMETERS,
+        }
     }
     fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.observation.offset_m += parameters[0];

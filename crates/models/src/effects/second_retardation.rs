@@ -9,7 +9,7 @@
 //! effect.
 
 use super::first_body::reference_modulus_pa;
-use super::{Effect, EffectParameter, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::{Error, Result};
 use base::number::Dual;
@@ -46,20 +46,14 @@ const PARAMETERS: &[EffectParameter] = &[
 pub struct SecondRetardation;
 
 impl Effect for SecondRetardation {
-    fn slug(&self) -> &'static str {
-        "second-retardation"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "a second part of the gel responds with its own retardation time"
-    }
-    fn equation(&self) -> &'static str {
-        "J(t) += (a/E) (1 − exp(−t/τ₂))"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "second-retardation",
+            stage: Stage::Mechanics,
+            summary: "a second part of the gel responds with its own retardation time",
+            equation: "J(t) += (a/E) (1 − exp(−t/τ₂))",
+            parameters: PARAMETERS,
+        }
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         (*base == BaseLaw::TwoElement).then_some(

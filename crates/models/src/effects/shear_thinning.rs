@@ -9,7 +9,7 @@
 //! (physics §5).
 
 use super::field_conflicts::nonlinear_conflict;
-use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -32,20 +32,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct ShearThinning;
 
 impl Effect for ShearThinning {
-    fn slug(&self) -> &'static str {
-        "shear-thinning"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel flows more easily under higher stress"
-    }
-    fn equation(&self) -> &'static str {
-        "ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂, s₀ = F_max/(4πR²)"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "shear-thinning",
+            stage: Stage::Mechanics,
+            summary: "the gel flows more easily under higher stress",
+            equation: "ε̇_d = (s_eq/s₀)^{1/n−1} s/c₂, s₀ = F_max/(4πR²)",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Nonlinear(NonlinearFamily::ShearThinning))

@@ -7,7 +7,7 @@
 //! measurement sets instead.
 
 use super::field_conflicts::AGEING;
-use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, Stages};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -26,20 +26,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct Softening;
 
 impl Effect for Softening {
-    fn slug(&self) -> &'static str {
-        "softening"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel grows softer, or sets, during the measurement"
-    }
-    fn equation(&self) -> &'static str {
-        "s = e^{−rt} · (law of the strains)"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "softening",
+            stage: Stage::Mechanics,
+            summary: "the gel grows softer, or sets, during the measurement",
+            equation: "s = e^{−rt} · (law of the strains)",
+            parameters: PARAMETERS,
+        }
     }
     fn conflict_with_field(&self, _field: FieldEffect) -> Option<&'static str> {
         Some(AGEING)

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::{Effect, EffectParameter, FieldEffect, Stage, Stages};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, Stages};
 use base::error::{Error, Result};
 use base::number::Dual;
 use laws::rheology::BaseLaw;
@@ -90,24 +90,18 @@ pub(super) fn with_parameter(name: &str) -> Option<(&'static dyn Effect, &'stati
 }
 
 impl Effect for StateEffect {
-    fn slug(&self) -> &'static str {
-        self.slug
-    }
-    fn stage(&self) -> Stage {
-        match self.quantity {
-            QuantityName::Force => Stage::Load,
-            QuantityName::Position => Stage::Observation,
-            QuantityName::Element(_) => Stage::Mechanics,
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: self.slug,
+            stage: match self.quantity {
+                QuantityName::Force => Stage::Load,
+                QuantityName::Position => Stage::Observation,
+                QuantityName::Element(_) => Stage::Mechanics,
+            },
+            summary: self.summary,
+            equation: self.equation,
+            parameters: self.parameters,
         }
-    }
-    fn summary(&self) -> &'static str {
-        self.summary
-    }
-    fn equation(&self) -> &'static str {
-        self.equation
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        self.parameters
     }
     fn depends_on_position(&self) -> bool {
         self.depends_on_state() && (self.state.depends_on_motion() || self.quantity == QuantityName::Position)

@@ -8,7 +8,7 @@
 //! and at large stress ε → (s/(Eβ))^⅓.
 
 use super::field_conflicts::nonlinear_conflict;
-use super::{Effect, EffectParameter, FieldEffect, Stage, position_range_m, robot_radius_m};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, position_range_m, robot_radius_m};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -34,20 +34,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct StrainStiffening;
 
 impl Effect for StrainStiffening {
-    fn slug(&self) -> &'static str {
-        "strain-stiffening"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel stiffens with strain"
-    }
-    fn equation(&self) -> &'static str {
-        "dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "strain-stiffening",
+            stage: Stage::Mechanics,
+            summary: "the gel stiffens with strain",
+            equation: "dev s = E (1 + β ε_eq²) dev ε_k + c₁ dev ε̇_k",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Nonlinear(NonlinearFamily::StrainStiffening))

@@ -5,7 +5,7 @@
 //! subtracted first (Crocker & Grier 1996, doi:10.1006/jcis.1996.0217). The flow dashpot creeps in proportion to the force, and the drift
 //! does not depend on the force. Only a changing force distinguishes the two.
 
-use super::{Effect, EffectParameter, Stage, Stages, position_range_m};
+use super::{Effect, EffectDescription, EffectParameter, Stage, Stages, position_range_m};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -24,20 +24,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct TrackingDrift;
 
 impl Effect for TrackingDrift {
-    fn slug(&self) -> &'static str {
-        "tracking-drift"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Observation
-    }
-    fn summary(&self) -> &'static str {
-        "the camera or the stage drifts relative to the gel"
-    }
-    fn equation(&self) -> &'static str {
-        "x_obs = x + v t"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "tracking-drift",
+            stage: Stage::Observation,
+            summary: "the camera or the stage drifts relative to the gel",
+            equation: "x_obs = x + v t",
+            parameters: PARAMETERS,
+        }
     }
     fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.observation.velocity_m_per_s += parameters[0];

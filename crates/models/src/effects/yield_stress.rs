@@ -8,7 +8,7 @@
 //! dashpot then creeps at 10⁻⁴ of its fluidity or less. Far above the yield stress nothing changes.
 
 use super::field_conflicts::nonlinear_conflict;
-use super::{Effect, EffectParameter, FieldEffect, Stage, reference_stress_pa};
+use super::{Effect, EffectDescription, EffectParameter, FieldEffect, Stage, reference_stress_pa};
 use base::distribution::Distribution;
 use base::error::Result;
 use base::number::Dual;
@@ -34,20 +34,14 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
 pub struct YieldStress;
 
 impl Effect for YieldStress {
-    fn slug(&self) -> &'static str {
-        "yield-stress"
-    }
-    fn stage(&self) -> Stage {
-        Stage::Mechanics
-    }
-    fn summary(&self) -> &'static str {
-        "the gel flows only above a yield stress"
-    }
-    fn equation(&self) -> &'static str {
-        "ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂"
-    }
-    fn parameters(&self) -> &'static [EffectParameter] {
-        PARAMETERS
+    fn description(&self) -> EffectDescription {
+        EffectDescription {
+            slug: "yield-stress",
+            stage: Stage::Mechanics,
+            summary: "the gel flows only above a yield stress",
+            equation: "ε̇_d = ⟨1 − s_y/s_eq⟩ s/c₂",
+            parameters: PARAMETERS,
+        }
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Nonlinear(NonlinearFamily::YieldStress))

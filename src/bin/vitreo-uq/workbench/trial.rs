@@ -120,7 +120,8 @@ impl Trial {
         let names = &self.model.problem.specification.effects;
         let library = Library::default();
         let others = library.effects().iter().filter(|effect| !names.iter().any(|slug| slug == effect.slug()));
-        let effects = others.map(|effect| EffectOption { slug: effect.slug(), summary: effect.summary() }).collect();
+        let effects =
+            others.map(|effect| EffectOption { slug: effect.slug(), summary: effect.description().summary }).collect();
         TrialControls { knobs: &self.knobs, effects }
     }
 
