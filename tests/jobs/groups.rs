@@ -22,7 +22,6 @@ use vitreo_uq::posterior::monitor::{Monitor, SilentMonitor};
 use vitreo_uq::posterior::study::ModelSpecification;
 use vitreo_uq::record::Experiment;
 use vitreo_uq::sampling::SamplerOptions;
-use vitreo_uq::sampling::ensemble::Progress;
 
 /// Force per displacement per Pa of a sphere of 0.275 mm in a ball of 10 mm, in m (physics §4.10).
 const STIFFNESS_M: f64 = 1.820_902_396e-3;
@@ -242,13 +241,11 @@ impl Monitor for StopAfter {
     fn stage(&self, _: &str) {
         self.seen.store(0, Ordering::Relaxed);
     }
-    fn sampling(&self, _: &Progress) {}
     fn progress(&self, done: usize, most: usize) {
         if done >= self.n && most > self.n {
             self.stop.store(true, Ordering::Relaxed);
         }
     }
-    fn warn(&self, _: &str) {}
     fn stop(&self) -> Option<&AtomicBool> {
         Some(&self.stop)
     }

@@ -28,14 +28,11 @@ impl Impatient {
 }
 
 impl Monitor for Impatient {
-    fn stage(&self, _text: &str) {}
     fn sampling(&self, _progress: &Progress) {
         if self.reports_left.fetch_sub(1, Ordering::Relaxed) <= 1 {
             self.stop.store(true, Ordering::Relaxed);
         }
     }
-    fn progress(&self, _done: usize, _most: usize) {}
-    fn warn(&self, _text: &str) {}
     fn stop(&self) -> Option<&AtomicBool> {
         Some(&self.stop)
     }

@@ -6,33 +6,27 @@ use std::sync::{Mutex, PoisonError};
 use base::error::{Error, Result};
 use sampling::ensemble::Progress;
 
-/// Receiver of a job's progress and warnings, such as the terminal.
+/// Receiver of a job's progress and warnings, such as the terminal. By default, reports are ignored and nothing stops the job.
 pub trait Monitor: Sync {
     /// Announces the beginning of a stage of the job, such as "sampling the posterior".
-    fn stage(&self, text: &str);
+    fn stage(&self, _text: &str) {}
     /// Reports the progress of the sampler, a few times a second.
-    fn sampling(&self, progress: &Progress);
+    fn sampling(&self, _progress: &Progress) {}
     /// Reports that `done` of at most `most` units of the stage's work are finished. Any thread may call this function.
-    fn progress(&self, done: usize, most: usize);
+    fn progress(&self, _done: usize, _most: usize) {}
     /// Receives a warning for the user.
-    fn warn(&self, text: &str);
+    fn warn(&self, _text: &str) {}
     /// Flag that stops the job at the next safe point when it is set to true; `None` if the job cannot be stopped.
-    fn stop(&self) -> Option<&AtomicBool>;
+    fn stop(&self) -> Option<&AtomicBool> {
+        None
+    }
 }
 
 /// Monitor that ignores everything, for tests and callers without a terminal.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SilentMonitor;
 
-impl Monitor for SilentMonitor {
-    fn stage(&self, _text: &str) {}
-    fn sampling(&self, _progress: &Progress) {}
-    fn progress(&self, _done: usize, _most: usize) {}
-    fn warn(&self, _text: &str) {}
-    fn stop(&self) -> Option<&AtomicBool> {
-        None
-    }
-}
+impl Monitor for SilentMonitor {}
 
 /// Environment variable with the number of threads, used if no option gives it.
 pub const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
@@ -49,10 +43,6 @@ pub fn refuse_if_stopped(monitor: &dyn Monitor, kept: &str) -> Result<()> {
 pub struct StoppableMonitor<'a>(pub Option<&'a AtomicBool>);
 
 impl Monitor for StoppableMonitor<'_> {
-    fn stage(&self, _text: &str) {}
-    fn sampling(&self, _progress: &Progress) {}
-    fn progress(&self, _done: usize, _most: usize) {}
-    fn warn(&self, _text: &str) {}
     fn stop(&self) -> Option<&AtomicBool> {
         self.0
     }
@@ -62,9 +52,6 @@ impl Monitor for StoppableMonitor<'_> {
 pub struct WarningMonitor<'a>(pub &'a dyn Monitor);
 
 impl Monitor for WarningMonitor<'_> {
-    fn stage(&self, _text: &str) {}
-    fn sampling(&self, _progress: &Progress) {}
-    fn progress(&self, _done: usize, _most: usize) {}
     fn warn(&self, text: &str) {
         self.0.warn(text);
     }
@@ -92,9 +79,6 @@ impl<'a> WarningCollector<'a> {
 }
 
 impl Monitor for WarningCollector<'_> {
-    fn stage(&self, _text: &str) {}
-    fn sampling(&self, _progress: &Progress) {}
-    fn progress(&self, _done: usize, _most: usize) {}
     fn warn(&self, text: &str) {
         self.warnings.lock().unwrap_or_else(PoisonError::into_inner).push(text.into());
     }

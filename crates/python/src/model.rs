@@ -22,7 +22,6 @@ use vitreo_uq::posterior::prepared::PreparedModel;
 use vitreo_uq::posterior::problem::Problem;
 use vitreo_uq::posterior::study::{ModelSpecification, Study};
 use vitreo_uq::record::{self, Interpretation};
-use vitreo_uq::sampling::ensemble::Progress;
 
 use crate::errors::{at_point, raised, refused};
 use crate::experiment::Experiment;
@@ -51,9 +50,6 @@ struct PythonMonitor {
 }
 
 impl Monitor for PythonMonitor {
-    fn stage(&self, _text: &str) {}
-    fn sampling(&self, _progress: &Progress) {}
-    fn progress(&self, _done: usize, _most: usize) {}
     fn warn(&self, text: &str) {
         if let Ok(mut warnings) = self.warnings.lock() {
             warnings.push(text.to_string());
