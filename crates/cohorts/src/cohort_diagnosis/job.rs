@@ -25,7 +25,7 @@ use documents::cohort::{
     CohortContrast, CohortDiagnosis, CohortEffect, CohortErrors, CohortGain, CohortGroup, CohortLaw, CohortSimulations,
     CohortSpecimen, CohortVerdict, NullSide, SizeDistribution,
 };
-use posterior::monitor::{Counter, Monitor};
+use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
 
 /// Settings for the diagnosis of a cohort.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +46,6 @@ const RECORD_STREAMS: u64 = 0x5eed_c040;
 const STREAM_OF_RECORD: u32 = 24;
 /// Smallest number of records that make a cohort.
 pub const FEWEST_RECORDS: usize = 2;
-const KEPT: &str = "no result was written; finished reduced models are kept";
 
 /// Diagnoses a cohort.
 ///
@@ -102,10 +101,7 @@ pub fn run(measurements: &[Measurement], request: &CohortRequest, monitor: &dyn 
 /// # Errors
 /// [`Error::Interrupted`] if stopped.
 pub fn check_interrupt(monitor: &dyn Monitor) -> Result<()> {
-    match monitor.stop() {
-        Some(stop) if stop.load(std::sync::atomic::Ordering::Relaxed) => Err(Error::Interrupted { kept: KEPT.into() }),
-        _ => Ok(()),
-    }
+    refuse_if_stopped(monitor, "no result was written; finished reduced models are kept")
 }
 
 /// Computes the signature scores of each record, and the record's fit without any effect. Records are processed one after another, because the simulations

@@ -30,7 +30,6 @@ mod members;
 mod random;
 
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -44,7 +43,7 @@ use random::{factor, gamma, normal_of_information, normals, wishart_of_scatter};
 
 use super::design::Design;
 use base::error::{Error, Result, Setting};
-use posterior::monitor::{Counter, Monitor};
+use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::diagnostics::{DrawColumn, diagnose};
 
@@ -224,9 +223,7 @@ fn run_sweeps(runs: &mut [HierarchyRun], n_sweeps: usize, keep_every: usize, mon
             }
             if sweep.is_multiple_of(SWEEPS_PER_CHECK) {
                 counter.add_one();
-                if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                    return Err(Error::Interrupted { kept: INTERRUPTED_MESSAGE.into() });
-                }
+                refuse_if_stopped(monitor, INTERRUPTED_MESSAGE)?;
             }
         }
         Ok(())

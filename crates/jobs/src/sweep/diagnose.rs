@@ -10,14 +10,14 @@ use rayon::prelude::*;
 use super::job::{REPEATS_DIFFER, SEVERAL_GELS, misfit, model_summary, no_fit};
 use super::noise_like::{ResidualPValues, test_residuals};
 use super::problem::{SweepFit, SweepProblem};
-use base::error::{Error, Result};
+use base::error::Result;
 use criticism::criteria::Criteria;
 use criticism::verdict::{Addition, Evidence, Residual, ResidualTest, Rival, Verdict, decide_verdict};
 use documents::diagnosis::VerdictKind;
 use documents::oscillation::{OscillationCandidate, OscillationDiagnosis, OscillationEstimate};
 use figures::number::format_significant;
 use models::effects::{Effect, Library, Stage};
-use posterior::monitor::{Counter, Monitor};
+use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
 use posterior::study::ModelSpecification;
 use sampling::ensemble::RandomStream;
 
@@ -146,9 +146,7 @@ fn searches(
     let Some(predicted) = problem.predict(&base.values) else { return Ok(Vec::new()) };
     let counter = Counter::new(monitor, N_SEARCHES);
     let search = |k: usize| -> Result<Option<f64>> {
-        if monitor.stop().is_some_and(|stop| stop.load(std::sync::atomic::Ordering::Relaxed)) {
-            return Err(Error::Interrupted { kept: "nothing was written".into() });
-        }
+        refuse_if_stopped(monitor, "nothing was written")?;
         let mut stream = RandomStream::new(seed, STREAM + k as u64);
         let rows = problem.simulate_rows(&predicted, &base.values, &mut stream);
         let without = problem.with_rows(rows.clone()).fit_from(std::slice::from_ref(&base.point))?;

@@ -8,8 +8,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::worker::WorkerAnswer;
-use base::error::{Error, Result};
-use posterior::monitor::{Counter, Monitor};
+use base::Result;
+use posterior::monitor::{Counter, Monitor, refuse_if_stopped};
 
 /// Number of attempts after which a failing task is given up.
 const MOST_ATTEMPTS: usize = 3;
@@ -38,7 +38,7 @@ pub struct LocalOutcome {
 /// Runs tasks in `jobs` processes, which `worker` starts. Each process receives task numbers on its standard input ([`super::worker::serve`]).
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped; results that were written are kept.
+/// [`base::Error::Interrupted`] when stopped; results that were written are kept.
 pub fn run(
     tasks: &[usize],
     jobs: usize,
@@ -70,9 +70,7 @@ pub fn run(
             std::thread::sleep(LOOK);
         }
     });
-    if shared.is_stopped() {
-        return Err(Error::Interrupted { kept: "written results are kept".into() });
-    }
+    refuse_if_stopped(monitor, "written results are kept")?;
     let mut outcome = locked(&shared.outcome).clone();
     outcome.left = locked(&shared.queue).waiting.iter().map(|(task, _)| *task).collect();
     outcome.left.sort_unstable();

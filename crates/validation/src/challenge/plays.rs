@@ -21,7 +21,7 @@ use criticism::diagnose::{DiagnosisRequest, diagnose};
 use documents::diagnosis::{Diagnosis, VerdictKind};
 use models::effects::Library;
 use posterior::check::refuse_contradictions;
-use posterior::monitor::{Monitor, SilentMonitor};
+use posterior::monitor::{Monitor, SilentMonitor, refuse_if_stopped};
 use posterior::study::{Provenance, WithProvenance};
 use record::Interpretation;
 use sampling::ensemble::RandomStream;
@@ -154,9 +154,7 @@ pub fn run(
         .zip(trajectories_m)
         .enumerate()
         .map(|(number, ((sort, truth), position_m))| {
-            if monitor.stop().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                return Err(Error::Interrupted { kept: "only the trajectories in the cache are kept".into() });
-            }
+            refuse_if_stopped(monitor, "only the trajectories in the cache are kept")?;
             let case = PlayCase { number: request.first + number, sort, truth, position_m };
             let play = play(bench, request, case, diagnose)?;
             let n_done = 1 + done.fetch_add(1, Ordering::Relaxed);
