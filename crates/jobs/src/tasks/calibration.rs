@@ -114,15 +114,7 @@ impl CalibrationState {
 }
 
 fn prepared(task: &Task, arguments: &CalibrationTask, monitor: &dyn Monitor) -> Result<Bench> {
-    let Some(path) = task.paths.first() else {
-        let found = format!("task {} has no path", task.task);
-        return Err(Error::input(
-            InputPlace::default(),
-            found,
-            format!("make the list again with `{}`", Setting::Force),
-        ));
-    };
-    let measurement = read_measurement(Path::new(path), &arguments.sampling, &SilentMonitor)?;
+    let measurement = read_measurement(task.path()?, &arguments.sampling, &SilentMonitor)?;
     if content(&measurement, &arguments.sampling)? != arguments.content_sha256 {
         return Err(Error::input(
             InputPlace::file(&measurement.path),

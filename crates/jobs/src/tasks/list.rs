@@ -58,6 +58,20 @@ impl Task {
         sha256_hex(self.arguments.to_string().as_bytes())
     }
 
+    /// Path of the only input.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none.
+    pub(super) fn path(&self) -> Result<&Path> {
+        self.paths.first().map(Path::new).ok_or_else(|| self.refusal("has no path"))
+    }
+
+    /// Error of a task whose line `found` describes.
+    pub(super) fn refusal(&self, found: &str) -> Error {
+        let remedy = format!("make the list again with `{}`", Setting::Force);
+        Error::input(InputPlace::default(), format!("task {} {found}", self.task), remedy)
+    }
+
     /// Converts the arguments to `T`, the argument type of the list's kind of tasks.
     ///
     /// # Errors

@@ -5,14 +5,13 @@
 //! task.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::list::{Task, TaskInput, not_json};
-use super::sample::{Sampling, read as read_measurement};
+use super::sample::{Sampling, has_changed, read as read_measurement};
 use base::error::{Error, InputPlace, Result, Setting};
 use base::sha256::sha256_hex;
 use cohorts::apparatus;
@@ -165,31 +164,13 @@ fn content(measurement: &Measurement) -> String {
 /// [`Error::Input`] if the experiment has changed since the list was made; otherwise the errors of the finite elements.
 pub fn run(task: &Task, monitor: &dyn Monitor) -> Result<Vec<u8>> {
     let ModelTask { piece, content: wanted, sampling } = task.arguments_as()?;
-    let Some(path) = task.paths.first() else {
-        let found = format!("task {} has no path", task.task);
-        return Err(Error::input(
-            InputPlace::default(),
-            found,
-            format!("make the list again with `{}`", Setting::Force),
-        ));
-    };
-    let measurement = read_measurement(Path::new(path), &sampling, &SilentMonitor)?;
-    let has_changed = || {
-        Error::input(
-            InputPlace::file(&measurement.path),
-            "this experiment, its model or its priors have changed since the list was made",
-            format!(
-                "make the list again with the same command and `{}`: results of unchanged inputs are reused",
-                Setting::Force
-            ),
-        )
-    };
+    let measurement = read_measurement(task.path()?, &sampling, &SilentMonitor)?;
     if piece == ReducedModelKind::LargeDisplacement && content(&measurement) != wanted {
-        return Err(has_changed());
+        return Err(has_changed(&measurement));
     }
     let (name, bytes) = built(&measurement, &piece, monitor)?;
     if piece != ReducedModelKind::LargeDisplacement && name != wanted {
-        return Err(has_changed());
+        return Err(has_changed(&measurement));
     }
     let mut body = serde_json::to_vec(&json!({ "file": name })).map_err(|error| not_json(&error))?;
     body.push(b'\n');

@@ -94,7 +94,9 @@ pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> 
     let one = |(measurement, first): (&Measurement, &usize)| -> Result<(Sampled, [String; 2])> {
         let same_apparatus = &measurements[*first];
         let path = |measurement: &Measurement| measurement.path.display().to_string();
-        Ok((sampled(measurement, same_apparatus, sampling)?, [path(measurement), path(same_apparatus)]))
+        let (name, content_sha256) = (measurement.name(), content_sha256(measurement, sampling)?);
+        let sampled = Sampled { name, content_sha256, apparatus_sha256: same_apparatus.inputs_sha256.clone() };
+        Ok((sampled, [path(measurement), path(same_apparatus)]))
     };
     let all = measurements.iter().zip(&first).map(one).collect::<Result<Vec<_>>>()?;
     let work = all.chunks(block.max(1)).map(|part| {
@@ -107,14 +109,22 @@ pub fn work(measurements: &[Measurement], sampling: &Sampling, block: usize) -> 
     Ok(work.collect())
 }
 
-fn sampled(measurement: &Measurement, same_apparatus: &Measurement, sampling: &Sampling) -> Result<Sampled> {
+fn content_sha256(measurement: &Measurement, sampling: &Sampling) -> Result<String> {
     // A list identifies the compliance by the apparatus, so making a list needs no finite-element solution. The compliance 1 is a placeholder.
     let specimen = Specimen::new(measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
-    Ok(Sampled {
-        name: measurement.name(),
-        content_sha256: specimen.built_from(&measurement.inputs_sha256, &sampling.options()),
-        apparatus_sha256: same_apparatus.inputs_sha256.clone(),
-    })
+    Ok(specimen.built_from(&measurement.inputs_sha256, &sampling.options()))
+}
+
+/// Error of an experiment that differs from that of the list.
+pub(super) fn has_changed(measurement: &Measurement) -> Error {
+    Error::input(
+        InputPlace::file(&measurement.path),
+        "this experiment, its model or its priors have changed since the list was made",
+        format!(
+            "make the list again with the same command and `{}`: results of unchanged inputs are reused",
+            Setting::Force
+        ),
+    )
 }
 
 /// Compliance of each apparatus, computed once and shared by the tasks of one worker.
@@ -132,31 +142,15 @@ impl SamplingState {
         let SampleTask { sampling, experiments } = task.arguments_as()?;
         let (pairs, rest) = task.paths.as_chunks::<2>();
         if pairs.len() != experiments.len() || !rest.is_empty() {
-            let found = format!("task {} does not have two paths per experiment", task.task);
-            return Err(Error::input(
-                InputPlace::default(),
-                found,
-                format!("make the list again with `{}`", Setting::Force),
-            ));
+            return Err(task.refusal("does not have two paths per experiment"));
         }
         let mut files = Vec::new();
         for (wanted, [label, same_apparatus]) in experiments.iter().zip(pairs) {
             let measurement = read(Path::new(label), &sampling, &SilentMonitor)?;
             let (found, compliance) = self.compliance(Path::new(same_apparatus), &sampling)?;
             let specimen = Specimen::new(&measurement, compliance).map_err(|error| measurement.with_name(error))?;
-            let now =
-                Specimen::new(&measurement, Compliance::fixed(1.0)).map_err(|error| measurement.with_name(error))?;
-            if now.built_from(&measurement.inputs_sha256, &sampling.options()) != wanted.content_sha256
-                || found != wanted.apparatus_sha256
-            {
-                return Err(Error::input(
-                    InputPlace::file(&measurement.path),
-                    "this experiment, its model or its priors have changed since the list was made",
-                    format!(
-                        "make the list again with the same command and `{}`: results of unchanged inputs are reused",
-                        Setting::Force
-                    ),
-                ));
+            if content_sha256(&measurement, &sampling)? != wanted.content_sha256 || found != wanted.apparatus_sha256 {
+                return Err(has_changed(&measurement));
             }
             let (name, bytes) = specimen
                 .interim_file(&measurement, &sampling.options(), monitor.stop())
