@@ -28,7 +28,7 @@ use sampling::checkpoint;
 use sampling::diagnostics::ranks::BlomScores;
 use sampling::diagnostics::{DrawColumn, ParameterDiagnostics, diagnose};
 use sampling::ensemble::{Checkpointing, Progress, RunControl, SampleOutcome};
-use sampling::{SamplerOptions, sample as sample_density};
+use sampling::{LogDensity, SamplerOptions, sample as sample_density};
 
 /// Largest number of rows at which posterior draws are predicted. A million rows take 3.4 GB of memory.
 const MOST_ROWS: usize = 1_200_000;
@@ -171,14 +171,30 @@ pub fn sample(
         resume: resumed.as_deref(),
         fingerprint: fingerprint(problem, posterior),
     };
-    let outcome = sample_density(posterior, &starts, &request.options, &control)?;
+    with_draws(sample_density(posterior, &starts, &request.options, &control)?, &request.options)
+}
+
+fn with_draws(outcome: SampleOutcome, options: &SamplerOptions) -> Result<SampleOutcome> {
     if outcome.draws.is_empty() {
-        return Err(Error::numerical(
-            format!("burn-in took all {} steps, so no draw was kept", request.options.max_steps),
-            format!("give more steps ({}); thousands are usual", Setting::Steps),
-        ));
+        let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
+        return Err(Error::numerical(found, format!("give more steps ({}); thousands are usual", Setting::Steps)));
     }
     Ok(outcome)
+}
+
+/// Samples a density without checkpoints.
+///
+/// # Errors
+/// [`Error::Numerical`] if no draw was kept, [`Error::Interrupted`] if stopped; errors of the sampler.
+pub fn sample_without_checkpoint(
+    density: &dyn LogDensity,
+    starts: &[Vec<f64>],
+    options: &SamplerOptions,
+    monitor: &dyn Monitor,
+) -> Result<SampleOutcome> {
+    let progress = |progress: &Progress| monitor.sampling(progress);
+    let control = RunControl { stop: monitor.stop(), progress: Some(&progress), ..RunControl::default() };
+    with_draws(sample_density(density, starts, options, &control)?, options)
 }
 
 /// Text of all inputs of the log density. The sampler stores the hash of this text in the checkpoint, so that a run with other inputs does not resume from the
@@ -384,7 +400,7 @@ fn above_rounding(singular_values: &[f64]) -> Vec<f64> {
 }
 
 /// Summary of a parameter's draws. The biases due to surrogate and mesh are left empty.
-pub fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSummary {
+fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSummary {
     ParameterSummary {
         name: name.into(),
         mean: d.mean,
@@ -399,6 +415,12 @@ pub fn parameter_summary(name: &str, d: &ParameterDiagnostics) -> ParameterSumma
         surrogate_bias_sd: None,
         discretisation_bias_sd: None,
     }
+}
+
+/// Summaries of the draws of all parameters with a prior, in natural units.
+pub fn plain_summaries(priors: &PriorSet, columns: &[DrawColumn]) -> Vec<ParameterSummary> {
+    let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
+    priors.names().zip(columns).map(|(name, column)| parameter_summary(name, &diagnose(column, &blom))).collect()
 }
 
 /// Summary of the sampler's settings and diagnostics.
@@ -422,22 +444,21 @@ fn parameter_summaries(prepared: &PreparedModel, columns: &[DrawColumn], check: 
         .finite_elements()
         .and_then(|fe| fe.comparison)
         .map(|comparison| comparison.relative_error(prepared.compliance.experiment_per_m()));
-    let blom = &BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
-    let summary = |(prior, column): (&crate::prior::Prior, &DrawColumn)| {
-        let d = diagnose(column, blom);
-        let place = specs.iter().position(|spec| spec.name == prior.name).unwrap_or(specs.len() - 1);
+    let summary = |plain: ParameterSummary| {
+        let place = specs.iter().position(|spec| spec.name == plain.name).unwrap_or(specs.len() - 1);
         // The surrogate's bias is the importance-weighted mean of the checked draws minus their plain mean.
         let surrogate_bias_sd = check.weights.as_ref().map(|weights| {
             let equal = 1.0 / draws.len() as f64;
-            weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / d.sd
+            weights.iter().zip(draws).map(|(w, draw)| (w - equal) * draw[place]).sum::<f64>() / plain.sd
         });
         // The trajectory depends on the compliance divided by a modulus or a viscosity. A relative error of the compliance thus causes an equal relative error of
         // moduli and viscosities. It does not affect other parameters.
         let is_stress = law.get(place).is_some_and(|spec| spec.unit.starts_with("Pa"));
-        let discretisation_bias_sd = relative_mesh_error.map(|e| if is_stress { e * d.mean / d.sd } else { 0.0 });
-        ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..parameter_summary(&prior.name, &d) }
+        let discretisation_bias_sd =
+            relative_mesh_error.map(|e| if is_stress { e * plain.mean / plain.sd } else { 0.0 });
+        ParameterSummary { surrogate_bias_sd, discretisation_bias_sd, ..plain }
     };
-    problem.priors.priors().iter().zip(columns).map(summary).collect()
+    plain_summaries(&problem.priors, columns).into_iter().map(summary).collect()
 }
 
 /// Warning about draws for which the model can be computed on the fitted rows, but not on the whole record.

@@ -2,19 +2,20 @@
 
 use super::noise_like::{ResidualPValues, test_residuals};
 use super::problem::{SweepFit, SweepProblem};
-use base::error::{Error, Result, Setting};
+use base::error::{Error, Result};
 use base::parameter::RELATIVE_NOISE;
 use documents::oscillation::{Frequencies, OscillationMisfit, OscillationSummary};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
 use figures::number::format_significant;
 use posterior::modes::several_modes;
 use posterior::monitor::Monitor;
-use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_parameter_names};
+use posterior::sample::{
+    natural_columns, plain_summaries, sample_without_checkpoint, sampler_summary, with_parameter_names,
+};
 use record::SweepForm;
-use sampling::diagnostics::ranks::BlomScores;
-use sampling::diagnostics::{DrawColumn, diagnose};
-use sampling::ensemble::{Progress, RunControl, SampleOutcome};
-use sampling::{SamplerOptions, sample as sample_density};
+use sampling::SamplerOptions;
+use sampling::diagnostics::DrawColumn;
+use sampling::ensemble::SampleOutcome;
 
 /// Number of draws from which the posterior's predictions are computed.
 const N_DRAWS: usize = 400;
@@ -44,13 +45,7 @@ pub struct SweepResult {
 pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monitor) -> Result<SweepResult> {
     monitor.stage("sampling the posterior");
     let starts = problem.starts(options.seed, N_STARTS);
-    let progress = |progress: &Progress| monitor.sampling(progress);
-    let control = RunControl { stop: monitor.stop(), progress: Some(&progress), ..RunControl::default() };
-    let outcome = sample_density(problem, &starts, options, &control)?;
-    if outcome.draws.is_empty() {
-        let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
-        return Err(Error::numerical(found, format!("give more steps ({}); thousands are usual", Setting::Steps)));
-    }
+    let outcome = sample_without_checkpoint(problem, &starts, options, monitor)?;
     monitor.stage("testing the residuals");
     let columns = natural_columns(&problem.priors, &outcome);
     let values: Vec<Vec<f64>> = outcome.draws.subsample(N_DRAWS).iter().map(|point| problem.values(point)).collect();
@@ -58,13 +53,10 @@ pub fn run(problem: &SweepProblem, options: &SamplerOptions, monitor: &dyn Monit
     let fit = problem.fit(options.seed, &outcome.draws.subsample(1))?.ok_or_else(no_fit)?;
     let left = test_residuals(problem, &fit, options.seed)?.ok_or_else(no_fit)?;
     let of_fit = problem.predict(&fit.values).ok_or_else(no_fit)?;
-    let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
-    let names = problem.priors.names().zip(&columns);
-    let parameters: Vec<_> = names.map(|(name, column)| parameter_summary(name, &diagnose(column, &blom))).collect();
     let mut summary = OscillationSummary {
         experiment: problem.sweep.specimen_id.clone(),
         model: model_summary(problem),
-        parameters,
+        parameters: plain_summaries(&problem.priors, &columns),
         sampler: sampler_summary(options, &outcome),
         frequencies: frequencies(problem),
         poisson_ratio: problem.sweep.poisson_ratio,

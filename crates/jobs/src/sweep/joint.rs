@@ -13,14 +13,15 @@ use documents::joint::{Agreement, JointRecord, JointSummary, LawEstimate};
 use documents::posterior::{ModelSummary, Warning, WarningKind};
 use posterior::monitor::Monitor;
 use posterior::prior::{Prior, PriorSet};
-use posterior::sample::{natural_columns, parameter_summary, sampler_summary, with_parameter_names};
+use posterior::sample::{
+    natural_columns, plain_summaries, sample_without_checkpoint, sampler_summary, with_parameter_names,
+};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use sampling::diagnostics::ranks::BlomScores;
-use sampling::diagnostics::{DrawColumn, diagnose};
-use sampling::ensemble::{Progress, RunControl, SampleOutcome};
+use sampling::diagnostics::DrawColumn;
+use sampling::ensemble::SampleOutcome;
 use sampling::optimum::{Mode, find_modes};
-use sampling::{LogDensity, SamplerOptions, sample as sample_density};
+use sampling::{LogDensity, SamplerOptions};
 
 use crate::design::files::NEXT;
 
@@ -64,8 +65,6 @@ pub struct Joint<'a> {
 pub struct JointResult {
     /// Document that describes the posterior.
     pub summary: JointSummary,
-    /// Draws, with the diagnostics of the sampler.
-    pub outcome: SampleOutcome,
     /// Draws of each sampled parameter, in its natural unit.
     pub columns: Vec<DrawColumn>,
 }
@@ -186,32 +185,20 @@ impl<'a> Joint<'a> {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         let priors = &self.priors;
         let starts: Vec<Vec<f64>> = (0..N_STARTS).map(|_| priors.to_unconstrained(&priors.draw(&mut rng))).collect();
-        let progress = |progress: &Progress| monitor.sampling(progress);
-        let control = RunControl { stop: monitor.stop(), progress: Some(&progress), ..RunControl::default() };
-        let outcome = sample_density(self, &starts, options, &control)?;
-        if outcome.draws.is_empty() {
-            let found = format!("burn-in took all {} steps, so no draw was kept", options.max_steps);
-            return Err(Error::numerical(found, format!("give more steps ({}); thousands are usual", Setting::Steps)));
-        }
+        let outcome = sample_without_checkpoint(self, &starts, options, monitor)?;
         let columns = natural_columns(priors, &outcome);
-        let blom = BlomScores::new(columns.first().map_or(0, |column| column.values.len()));
-        let parameters = priors
-            .names()
-            .zip(&columns)
-            .map(|(name, column)| parameter_summary(name, &diagnose(column, &blom)))
-            .collect();
         let mut warnings = warnings(&agreement, &records, &outcome, &with_parameter_names(&outcome.messages, priors));
         warnings.extend((0..self.members.len()).filter_map(|record| self.misfit_warning(record, &columns)));
         let summary = JointSummary {
             model,
-            parameters,
+            parameters: plain_summaries(priors, &columns),
             sampler: sampler_summary(options, &outcome),
             records,
             agreement,
             converged: outcome.converged,
             warnings,
         };
-        Ok(JointResult { summary, outcome, columns })
+        Ok(JointResult { summary, columns })
     }
 }
 
