@@ -3,12 +3,13 @@
 //! Each call reads the diagnoses that are on disk. If a new diagnosis distinguishes two effects, later documents no longer list them as equivalent.
 
 use base::error::Result;
-use base::files::{Content, read_if_there};
 use documents::diagnosis::{CandidateEntry, Diagnosis};
 use documents::extension::{EquivalentEffects, EquivalentRefit, ExtensionSummary};
 use documents::posterior::{ParameterSummary, Warning, WarningKind};
-use posterior::study::{DIAGNOSIS_NAME, EXTENSION_NAME, Study, WithProvenance};
+use posterior::study::{DIAGNOSIS_NAME, EXTENSION_NAME, Study};
 use serde::de::DeserializeOwned;
+
+use crate::last_cycle::read_document;
 
 /// Equivalents of all effects that were added from the first revision up to `revision`, in order of addition.
 ///
@@ -165,9 +166,7 @@ fn refit(candidate: &CandidateEntry) -> EquivalentRefit {
 
 /// Reads a document of a revision; `None` if it is missing or unreadable.
 fn document<T: DeserializeOwned>(study: &Study, revision: &str, name: &str) -> Result<Option<T>> {
-    let path = study.revision_dir(revision)?.join(name);
-    let read = || serde_json::from_slice::<WithProvenance<T>>(&read_if_there(&path, Content::Document)?).ok();
-    Ok(read().map(|document| document.body))
+    Ok(read_document(&study.revision_dir(revision)?.join(name)).map(|document| document.body))
 }
 
 #[cfg(test)]
