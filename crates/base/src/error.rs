@@ -63,177 +63,160 @@ pub enum Error {
     },
 }
 
-macro_rules! settings {
-    ($($(#[$doc:meta])* $setting:ident $name:literal)*) => {
-        /// Setting that a caller passes to the library, such as the noise model. Errors show its [`Display`](std::fmt::Display) text: the plain name, or the
-        /// program's own name for it ([`rename_settings`]).
-        ///
-        /// To add a setting, add a line with its documentation and its plain name to the list in this file. The compiler then asks for its option in the
-        /// program's table (`src/bin/vitreo-uq/settings.rs`), and a test checks that a command has this option.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Setting {
-            $($(#[$doc])* $setting,)*
-        }
-
-        impl Setting {
-            /// All settings, in the order of their definition.
-            pub const ALL: &[Self] = &[$(Self::$setting),*];
-
-            /// Plain name of the setting, such as `noise`.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Self::$setting => $name,)*
-                }
-            }
-        }
-    };
-}
-
-settings! {
-    /// Base law.
-    Base "base"
-    /// Effects added to the base law.
-    Effects "effects"
-    /// Noise model.
-    Noise "noise"
-    /// Prior: name of a built-in prior, or a file.
-    Prior "prior"
-    /// Parameters that are held at given values.
-    Fixed "fixed"
-    /// Address of the server of an external model.
-    Forward "forward"
-    /// Name of a model on the server of an external model.
-    ForwardModel "forward_model"
-    /// Mesh file.
-    Mesh "mesh"
-    /// Unit of the mesh file's coordinates.
-    MeshUnit "mesh_unit"
-    /// Revision of a study: one of its models with its results.
-    Revision "revision"
-    /// Number of walkers of the sampler.
-    Chains "chains"
-    /// Largest number of steps of the sampler's walkers.
-    Steps "steps"
-    /// Request to continue an interrupted run from its checkpoint.
-    Resume "resume"
-    /// Number of threads that a computation uses.
-    Threads "threads"
-    /// Directory of the results.
-    Out "out"
-    /// Permission to replace existing results.
-    Force "force"
-    /// Permission to replace an existing experiment.
-    Replace "replace"
-    /// File of scenarios to predict.
-    Scenario "scenario"
-    /// Later records of a specimen.
-    After "after"
-    /// Table of the force of a prediction.
-    ForceTable "force"
-    /// Name of the group of which a new specimen is predicted.
-    NewEye "new_eye"
-    /// Largest force of a plan, in µN.
-    LargestForce "max_force_un"
-    /// Time integration scheme of a simulation.
-    Scheme "scheme"
-    /// Time step of a simulation in s.
-    TimeStep "time_step_s"
-    /// Number of mesh levels of a convergence study.
-    Refine "refine"
-    /// Number of first cycles from which `learn` infers a correction.
-    FirstCycles "first_cycles"
-    /// Keys that define the groups of a cohort.
-    By "by"
-    /// Records or specimens to leave out of a cohort.
-    LeaveOut "leave_out"
-    /// Column that holds the time in a table.
-    TimeColumn "time"
-    /// Column that holds the force in a table.
-    ForceColumn "force"
-    /// Column that holds the position in a table.
-    PositionColumn "position"
-    /// Column that holds the cycle number in a table.
-    CycleColumn "cycle"
-    /// Column that holds the x coordinate in a table.
-    XColumn "x"
-    /// Column that holds the y coordinate in a table.
-    YColumn "y"
-    /// Column that holds the z coordinate in a table.
-    ZColumn "z"
-    /// Column that holds the frequency in a table of moduli.
-    FrequencyColumn "frequency"
-    /// Columns that hold the two moduli of an oscillation, or a modulus and the phase.
-    ModuliColumns "moduli"
-    /// Names of the tables to read from a file with several tables.
-    Tables "table"
-    /// Kind of a record: creep or relaxation.
-    Kind "kind"
-    /// Column that holds the track identifier in a table of several tracks.
-    TrackColumn "track_column"
-    /// Identifier of the track to read.
-    Track "track"
-    /// Time at which the load of the first row began.
-    LoadStart "load_start"
-    /// Force that an empty force cell stands for.
-    BlankForce "blank_force"
-    /// File that contains the force, if the table does not.
-    ForceFile "force_file"
-    /// Character that separates thousands in numbers.
-    Thousands "thousands"
-    /// Treatment of a clock that restarts within the record.
-    TimeRestarts "time_restarts"
-    /// Treatment of rows with equal times, which a coarse clock produces.
-    TimeTies "time_ties"
-    /// Unit of the time in a table.
-    TimeUnit "unit_time"
-    /// Unit of the frequency in a table of moduli.
-    FrequencyUnit "unit_frequency"
-    /// Unit of the moduli of an oscillation.
-    ModuliUnit "unit_moduli"
-    /// Unit of the force in a table.
-    ForceUnit "unit_force"
-    /// Unit of the position in a table.
-    PositionUnit "unit_position"
-    /// Diameter of a bead or robot, in mm.
-    RobotDiameter "robot_diameter_mm"
-    /// Radius of a tip that is pressed into a gel, in µm.
-    TipRadius "tip_radius_um"
-    /// Stiffness in N/m of the spring that carries a tip.
-    CantileverStiffness "cantilever_n_per_m"
-    /// Length of a specimen along the force, in mm.
-    SpecimenLength "specimen_length_mm"
-    /// Cross-section of a specimen, in mm².
-    SpecimenArea "specimen_area_mm2"
-    /// Number of the task to run in a list of tasks.
-    Task "task"
-    /// Number of the part of a task list to run.
-    Part "part"
-    /// Number of parts into which a list of tasks is divided.
-    Parts "parts"
-    /// Number of processor cores per worker.
-    Cores "cores"
-    /// Time limit of a worker in minutes.
-    Minutes "minutes"
-    /// Memory of a worker in MiB.
-    Memory "memory_mib"
-    /// Number of simulated records of a calibration or of challenges.
-    Count "count"
-    /// Effect to hide in a challenge.
-    HiddenEffect "effect"
-    /// Pair of effects to hide in a challenge.
-    Pair "pair"
-    /// Physical mechanism outside the library of effects, to hide in a challenge.
-    Outside "outside"
-    /// Size of a challenge's hidden effect, in standard deviations of the data.
-    Strength "strength"
-    /// Size of a challenge's hidden effect, in the unit of the effect's parameter.
-    Size "size"
-    /// Sizes of the hidden effects in a series of challenges, in standard deviations of the data.
-    Signal "signal"
-    /// Force protocol of a challenge.
-    Protocol "protocol"
-    /// Directory with the cached trajectories.
-    Cache "cache"
+crate::named_enum! {
+    /// Setting that a caller passes to the library, such as the noise model. Errors show its [`Display`](std::fmt::Display) text: the plain name, or the
+    /// program's own name for it ([`rename_settings`]).
+    ///
+    /// To add a setting, add a line with its documentation and its plain name to the list in this file. The compiler then asks for its option in the
+    /// program's table (`src/bin/vitreo-uq/settings.rs`), and a test checks that a command has this option.
+    pub enum Setting {
+        /// Base law.
+        Base = "base",
+        /// Effects added to the base law.
+        Effects = "effects",
+        /// Noise model.
+        Noise = "noise",
+        /// Prior: name of a built-in prior, or a file.
+        Prior = "prior",
+        /// Parameters that are held at given values.
+        Fixed = "fixed",
+        /// Address of the server of an external model.
+        Forward = "forward",
+        /// Name of a model on the server of an external model.
+        ForwardModel = "forward_model",
+        /// Mesh file.
+        Mesh = "mesh",
+        /// Unit of the mesh file's coordinates.
+        MeshUnit = "mesh_unit",
+        /// Revision of a study: one of its models with its results.
+        Revision = "revision",
+        /// Number of walkers of the sampler.
+        Chains = "chains",
+        /// Largest number of steps of the sampler's walkers.
+        Steps = "steps",
+        /// Request to continue an interrupted run from its checkpoint.
+        Resume = "resume",
+        /// Number of threads that a computation uses.
+        Threads = "threads",
+        /// Directory of the results.
+        Out = "out",
+        /// Permission to replace existing results.
+        Force = "force",
+        /// Permission to replace an existing experiment.
+        Replace = "replace",
+        /// File of scenarios to predict.
+        Scenario = "scenario",
+        /// Later records of a specimen.
+        After = "after",
+        /// Table of the force of a prediction.
+        ForceTable = "force",
+        /// Name of the group of which a new specimen is predicted.
+        NewEye = "new_eye",
+        /// Largest force of a plan, in µN.
+        LargestForce = "max_force_un",
+        /// Time integration scheme of a simulation.
+        Scheme = "scheme",
+        /// Time step of a simulation in s.
+        TimeStep = "time_step_s",
+        /// Number of mesh levels of a convergence study.
+        Refine = "refine",
+        /// Number of first cycles from which `learn` infers a correction.
+        FirstCycles = "first_cycles",
+        /// Keys that define the groups of a cohort.
+        By = "by",
+        /// Records or specimens to leave out of a cohort.
+        LeaveOut = "leave_out",
+        /// Column that holds the time in a table.
+        TimeColumn = "time",
+        /// Column that holds the force in a table.
+        ForceColumn = "force",
+        /// Column that holds the position in a table.
+        PositionColumn = "position",
+        /// Column that holds the cycle number in a table.
+        CycleColumn = "cycle",
+        /// Column that holds the x coordinate in a table.
+        XColumn = "x",
+        /// Column that holds the y coordinate in a table.
+        YColumn = "y",
+        /// Column that holds the z coordinate in a table.
+        ZColumn = "z",
+        /// Column that holds the frequency in a table of moduli.
+        FrequencyColumn = "frequency",
+        /// Columns that hold the two moduli of an oscillation, or a modulus and the phase.
+        ModuliColumns = "moduli",
+        /// Names of the tables to read from a file with several tables.
+        Tables = "table",
+        /// Kind of a record: creep or relaxation.
+        Kind = "kind",
+        /// Column that holds the track identifier in a table of several tracks.
+        TrackColumn = "track_column",
+        /// Identifier of the track to read.
+        Track = "track",
+        /// Time at which the load of the first row began.
+        LoadStart = "load_start",
+        /// Force that an empty force cell stands for.
+        BlankForce = "blank_force",
+        /// File that contains the force, if the table does not.
+        ForceFile = "force_file",
+        /// Character that separates thousands in numbers.
+        Thousands = "thousands",
+        /// Treatment of a clock that restarts within the record.
+        TimeRestarts = "time_restarts",
+        /// Treatment of rows with equal times, which a coarse clock produces.
+        TimeTies = "time_ties",
+        /// Unit of the time in a table.
+        TimeUnit = "unit_time",
+        /// Unit of the frequency in a table of moduli.
+        FrequencyUnit = "unit_frequency",
+        /// Unit of the moduli of an oscillation.
+        ModuliUnit = "unit_moduli",
+        /// Unit of the force in a table.
+        ForceUnit = "unit_force",
+        /// Unit of the position in a table.
+        PositionUnit = "unit_position",
+        /// Diameter of a bead or robot, in mm.
+        RobotDiameter = "robot_diameter_mm",
+        /// Radius of a tip that is pressed into a gel, in µm.
+        TipRadius = "tip_radius_um",
+        /// Stiffness in N/m of the spring that carries a tip.
+        CantileverStiffness = "cantilever_n_per_m",
+        /// Length of a specimen along the force, in mm.
+        SpecimenLength = "specimen_length_mm",
+        /// Cross-section of a specimen, in mm².
+        SpecimenArea = "specimen_area_mm2",
+        /// Number of the task to run in a list of tasks.
+        Task = "task",
+        /// Number of the part of a task list to run.
+        Part = "part",
+        /// Number of parts into which a list of tasks is divided.
+        Parts = "parts",
+        /// Number of processor cores per worker.
+        Cores = "cores",
+        /// Time limit of a worker in minutes.
+        Minutes = "minutes",
+        /// Memory of a worker in MiB.
+        Memory = "memory_mib",
+        /// Number of simulated records of a calibration or of challenges.
+        Count = "count",
+        /// Effect to hide in a challenge.
+        HiddenEffect = "effect",
+        /// Pair of effects to hide in a challenge.
+        Pair = "pair",
+        /// Physical mechanism outside the library of effects, to hide in a challenge.
+        Outside = "outside",
+        /// Size of a challenge's hidden effect, in standard deviations of the data.
+        Strength = "strength",
+        /// Size of a challenge's hidden effect, in the unit of the effect's parameter.
+        Size = "size",
+        /// Sizes of the hidden effects in a series of challenges, in standard deviations of the data.
+        Signal = "signal",
+        /// Force protocol of a challenge.
+        Protocol = "protocol",
+        /// Directory with the cached trajectories.
+        Cache = "cache",
+    }
+    /// Plain name of the setting, such as `noise`.
+    pub fn name
 }
 
 /// Origin and names of the settings, as errors show them. [`rename_settings`] sets both.

@@ -4,15 +4,18 @@
 use serde_json::{Map, Value};
 use std::borrow::Cow;
 
-/// Quantities of a record that is not a commanded force in µN with a measured position in µm. Numbers stay the same: the reader scales a record to these units.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantities {
-    /// Commanded position in µm, measured force in µN.
-    Relaxation,
-    /// Commanded stress in Pa, measured strain in %.
-    StressCreep,
-    /// Commanded strain in %, measured stress in Pa.
-    StressRelaxation,
+crate::named_enum! {
+    /// Quantities of a record that is not a commanded force in µN with a measured position in µm. Numbers stay the same: the reader scales a record to these units.
+    pub enum Quantities {
+        /// Commanded position in µm, measured force in µN.
+        Relaxation = "relaxation",
+        /// Commanded stress in Pa, measured strain in %.
+        StressCreep = "stress-creep",
+        /// Commanded strain in %, measured stress in Pa.
+        StressRelaxation = "stress-relaxation",
+    }
+    /// Name in the header of documents.
+    pub fn name
 }
 
 /// Words that are exchanged: a word of the sentences, and the words for the three kinds of quantities, in the order of [`Quantities::ALL`].
@@ -35,9 +38,6 @@ const WORDS: [(&str, [&str; 3]); 12] = [
 const UNITS: [(&str, [&str; 3]); 2] = [("m", ["N", "10⁶ %", "MPa"]), ("N", ["m", "MPa", "10⁶ %"])];
 
 impl Quantities {
-    /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Relaxation, Self::StressCreep, Self::StressRelaxation];
-
     /// Quantities of a record; `None` for a commanded force and a measured position.
     pub fn of(is_position_commanded: bool, is_stress_strain: bool) -> Option<Self> {
         match (is_position_commanded, is_stress_strain) {
@@ -45,15 +45,6 @@ impl Quantities {
             (false, true) => Some(Self::StressCreep),
             (true, false) => Some(Self::Relaxation),
             (true, true) => Some(Self::StressRelaxation),
-        }
-    }
-
-    /// Name in the header of documents.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Relaxation => "relaxation",
-            Self::StressCreep => "stress-creep",
-            Self::StressRelaxation => "stress-relaxation",
         }
     }
 

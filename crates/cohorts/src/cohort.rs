@@ -11,27 +11,22 @@ use posterior::monitor::{Monitor, WarningCollector};
 use posterior::study::{ModelSpecification, Study};
 use record::{Experiment, ExperimentFiles};
 
-/// Property of specimens by which groups are defined.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Key {
-    /// Species, the key `[specimen] species` of `experiment.toml`.
-    Species,
-    /// Region of the eye, the key `[specimen] region` of `experiment.toml`.
-    Region,
+base::named_enum! {
+    /// Property of specimens by which groups are defined.
+    pub enum Key {
+        /// Species, the key `[specimen] species` of `experiment.toml`.
+        Species = "species",
+        /// Region of the eye, the key `[specimen] region` of `experiment.toml`.
+        Region = "region",
+    }
+    /// Name of the key in `experiment.toml` and on the command line.
+    pub fn name
 }
 
 impl Key {
-    /// Name of the key in `experiment.toml` and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Species => "species",
-            Self::Region => "region",
-        }
-    }
-
     /// Finds the key called `name`; `None` if no key has this name.
     pub fn named(name: &str) -> Option<Self> {
-        [Self::Species, Self::Region].into_iter().find(|key| key.name() == name)
+        Self::ALL.into_iter().find(|key| key.name() == name)
     }
 
     fn level(self, experiment: &Experiment) -> Option<&str> {

@@ -80,35 +80,25 @@ impl LawRow {
     }
 }
 
-/// Status of a law in a comparison.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum LawStatus {
-    /// The record gives this law the largest evidence.
-    Likeliest,
-    /// The record cannot distinguish this law from the likeliest law.
-    Indistinguishable,
-    /// The record gives this law less evidence.
-    LessLikely,
-    /// No law explains the record, and this law has the smallest error.
-    Closest,
-    /// No law explains the record, and this law has a larger error.
-    FartherOff,
-    /// The law has no evidence.
-    NotCompared,
-}
-
-impl LawStatus {
-    /// Text for readers.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::Likeliest => "likeliest",
-            Self::Indistinguishable => "indistinguishable",
-            Self::LessLikely => "less likely",
-            Self::Closest => "closest",
-            Self::FartherOff => "farther off",
-            Self::NotCompared => "not compared",
-        }
+base::named_enum! {
+    /// Status of a law in a comparison.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "snake_case")]
+    pub enum LawStatus {
+        /// The record gives this law the largest evidence.
+        Likeliest = "likeliest",
+        /// The record cannot distinguish this law from the likeliest law.
+        Indistinguishable = "indistinguishable",
+        /// The record gives this law less evidence.
+        LessLikely = "less likely",
+        /// No law explains the record, and this law has the smallest error.
+        Closest = "closest",
+        /// No law explains the record, and this law has a larger error.
+        FartherOff = "farther off",
+        /// The law has no evidence.
+        NotCompared = "not compared",
     }
+    /// Text for readers.
+    pub fn text
 }

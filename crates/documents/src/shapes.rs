@@ -132,52 +132,36 @@ pub struct Displacement {
     pub q95: f64,
 }
 
-/// Quantity that a body shares with the sphere.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum SizeRule {
-    /// Volume equal to the sphere's (Fig. 7 of the paper).
-    EqualVolume,
-    /// Surface area equal to the sphere's (Fig. 8 of the paper).
-    EqualSurface,
-}
-
-impl SizeRule {
-    /// Both rules, in the paper's order.
-    pub const ALL: [Self; 2] = [Self::EqualVolume, Self::EqualSurface];
-
+base::named_enum! {
+    /// Quantity that a body shares with the sphere.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "snake_case")]
+    pub enum SizeRule {
+        /// Volume equal to the sphere's (Fig. 7 of the paper).
+        EqualVolume = "equal volume",
+        /// Surface area equal to the sphere's (Fig. 8 of the paper).
+        EqualSurface = "equal surface",
+    }
     /// Name of the rule in words.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::EqualVolume => "equal volume",
-            Self::EqualSurface => "equal surface",
-        }
+    pub fn title
+}
+
+base::named_enum! {
+    /// Shapes of bodies.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "snake_case")]
+    pub enum BodyShape {
+        /// Sphere, which is the reference for the other shapes.
+        Sphere = "sphere",
+        /// Prolate ellipsoid of revolution.
+        Ellipsoid = "ellipsoid",
+        /// Right circular cylinder with sharp rims.
+        Cylinder = "cylinder",
     }
-}
-
-/// Shapes of bodies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum BodyShape {
-    /// Sphere, which is the reference for the other shapes.
-    Sphere,
-    /// Prolate ellipsoid of revolution.
-    Ellipsoid,
-    /// Right circular cylinder with sharp rims.
-    Cylinder,
-}
-
-impl BodyShape {
     /// Name of the shape in files and figures.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sphere => "sphere",
-            Self::Ellipsoid => "ellipsoid",
-            Self::Cylinder => "cylinder",
-        }
-    }
+    pub fn name
 }
 
 /// A claim of the paper, or the converse of one of its comparisons.

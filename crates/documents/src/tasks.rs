@@ -2,34 +2,25 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Kinds of tasks that a list for many computers can have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum TaskKind {
-    /// Sampling of a cohort's experiments one by one, as `groups` needs them.
-    Sample,
-    /// Challenges (records with a hidden effect), diagnosed as by `challenge run`.
-    Challenge,
-    /// Records simulated from the prior of one experiment's model, each sampled as by `sample`.
-    Calibration,
-    /// Training of the surrogates that experiments need, on the full-order model.
-    Models,
-    /// Execution of a text file's commands, whose output is kept.
-    Commands,
-}
-
-impl TaskKind {
-    /// Name of the kind on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sample => "sample",
-            Self::Challenge => "challenge",
-            Self::Calibration => "calibration",
-            Self::Models => "models",
-            Self::Commands => "commands",
-        }
+base::named_enum! {
+    /// Kinds of tasks that a list for many computers can have.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "lowercase")]
+    pub enum TaskKind {
+        /// Sampling of a cohort's experiments one by one, as `groups` needs them.
+        Sample = "sample",
+        /// Challenges (records with a hidden effect), diagnosed as by `challenge run`.
+        Challenge = "challenge",
+        /// Records simulated from the prior of one experiment's model, each sampled as by `sample`.
+        Calibration = "calibration",
+        /// Training of the surrogates that experiments need, on the full-order model.
+        Models = "models",
+        /// Execution of a text file's commands, whose output is kept.
+        Commands = "commands",
     }
+    /// Name of the kind on the command line.
+    pub fn name
 }
 
 /// Head of a list of tasks: body of the JSON document `vitreo-uq/tasks/1`.
@@ -78,34 +69,25 @@ pub struct MissingResult {
     pub fault: Fault,
 }
 
-/// Reasons why the program does not accept a task's result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum Fault {
-    /// The result's file does not exist.
-    Absent,
-    /// The result's file ends too early or cannot be read.
-    Truncated,
-    /// The content of the file has changed since it was written.
-    Damaged,
-    /// The file is the result of another task, of other input, or of another kind.
-    OtherTask,
-    /// A program with another version or source hash wrote the file.
-    OtherProgram,
-}
-
-impl Fault {
-    /// The fault in words, for people.
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::Absent => "absent",
-            Self::Truncated => "cut short or unreadable",
-            Self::Damaged => "changed since it was written",
-            Self::OtherTask => "the result of another task or of other input",
-            Self::OtherProgram => "written by another program",
-        }
+base::named_enum! {
+    /// Reasons why the program does not accept a task's result.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Fault {
+        /// The result's file does not exist.
+        Absent = "absent",
+        /// The result's file ends too early or cannot be read.
+        Truncated = "cut short or unreadable",
+        /// The content of the file has changed since it was written.
+        Damaged = "changed since it was written",
+        /// The file is the result of another task, of other input, or of another kind.
+        OtherTask = "the result of another task or of other input",
+        /// A program with another version or source hash wrote the file.
+        OtherProgram = "written by another program",
     }
+    /// The fault in words, for people.
+    pub fn words
 }
 
 impl Gathered {

@@ -2,28 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Levels of trust, best first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum TrustLevel {
-    /// Parameters can be trusted.
-    Trusted,
-    /// Predictions can be trusted. Parameters are effective values that hold only in the experiment of this record.
-    Effective,
-    /// Neither parameters nor predictions can be trusted.
-    Untrusted,
-}
-
-impl TrustLevel {
-    /// The level of trust in words, for people.
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::Trusted => "Parameters can be trusted",
-            Self::Effective => "Predictions can be trusted; parameters are effective values",
-            Self::Untrusted => "Not to be trusted as it stands",
-        }
+base::named_enum! {
+    /// Levels of trust, best first.
+    #[derive(PartialOrd, Ord, Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "lowercase")]
+    pub enum TrustLevel {
+        /// Parameters can be trusted.
+        Trusted = "Parameters can be trusted",
+        /// Predictions can be trusted. Parameters are effective values that hold only in the experiment of this record.
+        Effective = "Predictions can be trusted; parameters are effective values",
+        /// Neither parameters nor predictions can be trusted.
+        Untrusted = "Not to be trusted as it stands",
     }
+    /// The level of trust in words, for people.
+    pub fn words
 }
 
 /// A level of trust with its reason.

@@ -48,24 +48,19 @@ pub struct Offset {
     pub direction: OffsetDirection,
 }
 
-/// Direction of a robot's offset relative to the force.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum OffsetDirection {
-    /// Along the force, which is the x axis.
-    Along,
-    /// Across the force, along the y axis, which is also the long axis of a vertical robot.
-    Across,
+base::named_enum! {
+    /// Direction of a robot's offset relative to the force.
+    pub enum OffsetDirection {
+        /// Along the force, which is the x axis.
+        Along = "along",
+        /// Across the force, along the y axis, which is also the long axis of a vertical robot.
+        Across = "across",
+    }
+    /// Name of the direction in `experiment.toml`.
+    pub fn name
 }
 
 impl OffsetDirection {
-    /// Name of the direction in `experiment.toml`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Along => "along",
-            Self::Across => "across",
-        }
-    }
-
     /// Index of the axis of the offset: 0 for x, 1 for y.
     pub fn axis(self) -> usize {
         match self {

@@ -6,27 +6,18 @@ use std::ops::Range;
 /// Fraction of the force's range above which a change of the force counts as a step (formats §1).
 const STEP_FRACTION: f64 = 0.2;
 
-/// Rule for the force between two rows (formats §1).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ForceRule {
-    /// The force of row i acts from its time tᵢ until just before tᵢ₊₁.
-    #[default]
-    Hold,
-    /// The force varies linearly from row to row. Before the first row it is zero.
-    Linear,
-}
-
-impl ForceRule {
-    /// Both rules, in the order in which messages list them.
-    pub const ALL: [Self; 2] = [Self::Hold, Self::Linear];
-
-    /// Name of the rule in `experiment.toml`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Hold => "hold",
-            Self::Linear => "linear",
-        }
+base::named_enum! {
+    /// Rule for the force between two rows (formats §1).
+    #[derive(Default)]
+    pub enum ForceRule {
+        /// The force of row i acts from its time tᵢ until just before tᵢ₊₁.
+        #[default]
+        Hold = "hold",
+        /// The force varies linearly from row to row. Before the first row it is zero.
+        Linear = "linear",
     }
+    /// Name of the rule in `experiment.toml`.
+    pub fn name
 }
 
 /// Commanded force over time, borrowed: its values at the rows, and the rule between the rows. A slice of numbers converts to a force with the rule

@@ -20,15 +20,18 @@ pub struct Indenter {
     pub cantilever_n_per_m: Option<f64>,
 }
 
-/// Shape of the tip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Tip {
-    /// Sphere that is much larger than the depth, with the exponent 3/2.
-    Sphere,
-    /// Cone, with the exponent 2.
-    Cone,
-    /// Flat-ended cylinder, with the exponent 1.
-    Punch,
+base::named_enum! {
+    /// Shape of the tip.
+    pub enum Tip {
+        /// Sphere that is much larger than the depth, with the exponent 3/2.
+        Sphere = "sphere",
+        /// Cone, with the exponent 2.
+        Cone = "cone",
+        /// Flat-ended cylinder, with the exponent 1.
+        Punch = "flat punch",
+    }
+    /// Name of the shape in messages.
+    pub fn name
 }
 
 /// Radius in m that is assumed for a sphere or punch of unknown size. Moduli then contain an unknown factor.
@@ -54,24 +57,12 @@ const KEYS: [&str; 7] = [
 ];
 
 impl Tip {
-    /// All shapes of tips.
-    pub const ALL: [Self; 3] = [Self::Sphere, Self::Cone, Self::Punch];
-
     /// Exponent p of the tip: the depth to the power p is proportional to the force in an elastic half-space.
     pub fn exponent(self) -> f64 {
         match self {
             Self::Sphere => 1.5,
             Self::Cone => 2.0,
             Self::Punch => 1.0,
-        }
-    }
-
-    /// Name of the shape in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sphere => "sphere",
-            Self::Cone => "cone",
-            Self::Punch => "flat punch",
         }
     }
 

@@ -119,62 +119,35 @@ pub struct OscillationRecord {
     pub source: String,
 }
 
-/// Quantity that a column of a rheometer's table contains.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SweepColumn {
-    /// Frequency of the oscillation.
-    Frequency,
-    /// Storage modulus G′.
-    Storage,
-    /// Loss modulus G″.
-    Loss,
-    /// Absolute value |G*| of the complex modulus.
-    Modulus,
-    /// Phase δ by which strain lags behind stress.
-    Phase,
-    /// Loss tangent tan δ = G″/G′, in place of the loss modulus or the phase.
-    LossTangent,
-    /// Standard deviation of the storage modulus G′.
-    StorageSd,
-    /// Standard deviation of the loss modulus G″.
-    LossSd,
-    /// Standard deviation of the absolute value |G*| of the complex modulus.
-    ModulusSd,
-    /// Standard deviation of the phase δ.
-    PhaseSd,
+base::named_enum! {
+    /// Quantity that a column of a rheometer's table contains.
+    pub enum SweepColumn {
+        /// Frequency of the oscillation.
+        Frequency = "frequency",
+        /// Storage modulus G′.
+        Storage = "storage",
+        /// Loss modulus G″.
+        Loss = "loss",
+        /// Absolute value |G*| of the complex modulus.
+        Modulus = "modulus",
+        /// Phase δ by which strain lags behind stress.
+        Phase = "phase",
+        /// Loss tangent tan δ = G″/G′, in place of the loss modulus or the phase.
+        LossTangent = "loss_tangent",
+        /// Standard deviation of the storage modulus G′.
+        StorageSd = "storage_sd",
+        /// Standard deviation of the loss modulus G″.
+        LossSd = "loss_sd",
+        /// Standard deviation of the absolute value |G*| of the complex modulus.
+        ModulusSd = "modulus_sd",
+        /// Standard deviation of the phase δ.
+        PhaseSd = "phase_sd",
+    }
+    /// Key of the quantity in `[measurement.columns]`, which is also the name of its column without the unit.
+    pub fn key
 }
 
 impl SweepColumn {
-    /// All quantities that a column may contain.
-    pub const ALL: [Self; 10] = [
-        Self::Frequency,
-        Self::Storage,
-        Self::Loss,
-        Self::Modulus,
-        Self::Phase,
-        Self::LossTangent,
-        Self::StorageSd,
-        Self::LossSd,
-        Self::ModulusSd,
-        Self::PhaseSd,
-    ];
-
-    /// Key of the quantity in `[measurement.columns]`, which is also the name of its column without the unit.
-    pub fn key(self) -> &'static str {
-        match self {
-            Self::Frequency => "frequency",
-            Self::Storage => "storage",
-            Self::Loss => "loss",
-            Self::Modulus => "modulus",
-            Self::Phase => "phase",
-            Self::LossTangent => "loss_tangent",
-            Self::StorageSd => "storage_sd",
-            Self::LossSd => "loss_sd",
-            Self::ModulusSd => "modulus_sd",
-            Self::PhaseSd => "phase_sd",
-        }
-    }
-
     /// Physical dimension of the quantity's unit.
     pub fn dimension(self) -> Dimension {
         match self {

@@ -273,7 +273,7 @@ fn strength(text: Option<&str>, stream: &mut RandomStream) -> Result<Strength> {
 }
 
 fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStream) -> Result<HiddenPhysics> {
-    let suited: Vec<DisturbanceKind> = DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
+    let suited: Vec<DisturbanceKind> = DisturbanceKind::drawn().filter(|kind| kind.suits(protocol)).collect();
     let library = Library::default();
     let slugs = hideable_effects(&library);
     if let Some(slug) = &arguments.effect {
@@ -290,7 +290,7 @@ fn hidden(arguments: &NewArguments, protocol: Protocol, stream: &mut RandomStrea
         };
     }
     if let Some(Some(kind)) = &arguments.outside {
-        return Ok(HiddenPhysics::Outside(named("--outside", kind, &DisturbanceKind::all(), DisturbanceKind::name)?));
+        return Ok(HiddenPhysics::Outside(named("--outside", kind, &DisturbanceKind::ALL, DisturbanceKind::name)?));
     }
     let choice = stream.unit();
     if arguments.none || (arguments.outside.is_none() && choice < 0.15) {

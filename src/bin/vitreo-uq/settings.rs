@@ -95,7 +95,7 @@ mod tests {
     fn every_setting_has_an_option_of_some_command() {
         let program = crate::Program::command();
         for setting in Setting::ALL {
-            assert!(has_option(&program, option(*setting)), "{setting:?}: no command has {}", option(*setting));
+            assert!(has_option(&program, option(setting)), "{setting:?}: no command has {}", option(setting));
         }
         assert!(!has_option(&program, "--no-such-option"));
     }

@@ -13,33 +13,23 @@ use crate::{Candidate, Fitted, Search, Subject, Tangent};
 use base::error::Result;
 use sampling::ensemble::RandomStream;
 
-/// Quantity on which a discrepancy depends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Axis {
-    /// Elapsed fraction of the cycle.
-    Phase,
-    /// Time since the last force step, in s. The discrepancy changes its sign with the direction of the step.
-    TimeSinceStep,
-    /// Time, in s.
-    AbsoluteTime,
-    /// Force (N) that acts just before the time of a row.
-    Force,
+base::named_enum! {
+    /// Quantity on which a discrepancy depends.
+    pub enum Axis {
+        /// Elapsed fraction of the cycle.
+        Phase = "cycle_phase",
+        /// Time since the last force step, in s. The discrepancy changes its sign with the direction of the step.
+        TimeSinceStep = "time_since_step",
+        /// Time, in s.
+        AbsoluteTime = "time",
+        /// Force (N) that acts just before the time of a row.
+        Force = "force",
+    }
+    /// Name of the axis in the document of `diagnose`.
+    pub fn name
 }
 
 impl Axis {
-    /// All axes.
-    pub const ALL: [Self; 4] = [Self::Phase, Self::TimeSinceStep, Self::AbsoluteTime, Self::Force];
-
-    /// Name of the axis in the document of `diagnose`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Phase => "cycle_phase",
-            Self::TimeSinceStep => "time_since_step",
-            Self::AbsoluteTime => "time",
-            Self::Force => "force",
-        }
-    }
-
     fn basis(self) -> StructureShape {
         match self {
             Self::Phase => StructureShape::CycleLocked { n_harmonics: 8 },

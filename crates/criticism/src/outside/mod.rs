@@ -34,57 +34,42 @@ pub use look::{OutsideNull, events_over_all_cycles, largest_outside_gain, search
 use super::verdict::Structure;
 use super::{Candidate, Fitted};
 
-/// Kinds of structure outside the library.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum OutsideKind {
-    /// A sinusoid of time, of any frequency.
-    Vibration,
-    /// A shift of all positions.
-    Offset,
-    /// A step of the position at one time.
-    Slip,
-    /// A drift that begins or ends at one time.
-    Ramp,
-    /// A change of gain at one time.
-    GainChange,
-    /// A bell curve in time, of any time and width.
-    Disturbance,
-    /// Play between the true and the measured position, as in a worn drive.
-    Backlash,
-    /// A curve of the phase within the cycle, equal in every cycle.
-    CycleLocked,
-    /// A curve of the time since the force step, signed by the step.
-    SinceStep,
-    /// A curve of absolute time.
-    SlowChange,
-    /// A power, a wave or a free curve of the position.
-    Nonlinearity,
-    /// A shift for each level of the force, or a force that is not proportional to its command.
-    ForceLevel,
-    /// A curve that depends on the largest excursion so far.
-    Ratchet,
+base::named_enum! {
+    /// Kinds of structure outside the library.
+    #[derive(Hash)]
+    pub enum OutsideKind {
+        /// A sinusoid of time, of any frequency.
+        Vibration = "vibration",
+        /// A shift of all positions.
+        Offset = "offset",
+        /// A step of the position at one time.
+        Slip = "slip",
+        /// A drift that begins or ends at one time.
+        Ramp = "ramp",
+        /// A change of gain at one time.
+        GainChange = "gain-change",
+        /// A bell curve in time, of any time and width.
+        Disturbance = "disturbance",
+        /// Play between the true and the measured position, as in a worn drive.
+        Backlash = "backlash",
+        /// A curve of the phase within the cycle, equal in every cycle.
+        CycleLocked = "cycle-locked",
+        /// A curve of the time since the force step, signed by the step.
+        SinceStep = "since-step",
+        /// A curve of absolute time.
+        SlowChange = "slow-change",
+        /// A power, a wave or a free curve of the position.
+        Nonlinearity = "nonlinearity",
+        /// A shift for each level of the force, or a force that is not proportional to its command.
+        ForceLevel = "force-level",
+        /// A curve that depends on the largest excursion so far.
+        Ratchet = "ratchet",
+    }
+    /// Name of the kind in the document of `diagnose`.
+    pub fn name
 }
 
 impl OutsideKind {
-    /// Name of the kind in the document of `diagnose`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Vibration => "vibration",
-            Self::Offset => "offset",
-            Self::Slip => "slip",
-            Self::Ramp => "ramp",
-            Self::GainChange => "gain-change",
-            Self::Disturbance => "disturbance",
-            Self::Backlash => "backlash",
-            Self::CycleLocked => "cycle-locked",
-            Self::SinceStep => "since-step",
-            Self::SlowChange => "slow-change",
-            Self::Nonlinearity => "nonlinearity",
-            Self::ForceLevel => "force-level",
-            Self::Ratchet => "ratchet",
-        }
-    }
-
     /// Returns whether the structure comes from outside the gel and belongs to no law.
     pub fn is_apart_from_law(self) -> bool {
         matches!(self, Self::Vibration | Self::Offset | Self::Slip | Self::Ramp | Self::GainChange | Self::Disturbance)

@@ -9,29 +9,20 @@ use prediction::free_path::free_path_m;
 use record::{Apparatus, Experiment};
 use sampling::SamplerOptions;
 
-/// Purpose of a design.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DesignGoal {
-    /// Smallest uncertainty of the model's parameters.
-    Parameters,
-    /// Largest distance between the equivalent effects of the last diagnosis.
-    Effects,
-    /// Smallest detectable sizes of the effects that the model lacks.
-    Detection,
-    /// Smallest uncertainty of the first quantity of the first scenario.
-    Decision,
-}
-
-impl DesignGoal {
-    /// Name in documents.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Parameters => "parameters",
-            Self::Effects => "effects",
-            Self::Detection => "detection",
-            Self::Decision => "decision",
-        }
+base::named_enum! {
+    /// Purpose of a design.
+    pub enum DesignGoal {
+        /// Smallest uncertainty of the model's parameters.
+        Parameters = "parameters",
+        /// Largest distance between the equivalent effects of the last diagnosis.
+        Effects = "effects",
+        /// Smallest detectable sizes of the effects that the model lacks.
+        Detection = "detection",
+        /// Smallest uncertainty of the first quantity of the first scenario.
+        Decision = "decision",
     }
+    /// Name in documents.
+    pub fn name
 }
 
 /// Settings of a design. A limit of `None` is that of the present record.

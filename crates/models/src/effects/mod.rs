@@ -115,26 +115,19 @@ fn reference_stress_pa(scales: &CharacteristicSizes) -> f64 {
     largest_force_n(scales) / (4.0 * std::f64::consts::PI * radius_m.powi(2))
 }
 
-/// Stage between the command and the camera at which an effect acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
-    /// Stage between the command and the force on the robot.
-    Load,
-    /// Stage between the force and the robot's position.
-    Mechanics,
-    /// Stage between the robot's position and the recorded position.
-    Observation,
-}
-
-impl Stage {
-    /// Name of the stage in lists and JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Load => "load",
-            Self::Mechanics => "mechanics",
-            Self::Observation => "observation",
-        }
+base::named_enum! {
+    /// Stage between the command and the camera at which an effect acts.
+    #[derive(PartialOrd, Ord)]
+    pub enum Stage {
+        /// Stage between the command and the force on the robot.
+        Load = "load",
+        /// Stage between the force and the robot's position.
+        Mechanics = "mechanics",
+        /// Stage between the robot's position and the recorded position.
+        Observation = "observation",
     }
+    /// Name of the stage in lists and JSON.
+    pub fn name
 }
 
 /// Function of the characteristic sizes of an experiment, such as its largest force and its duration.

@@ -20,40 +20,27 @@ use record::Orientation;
 /// Aspect ratios for which the predictors are compared.
 pub const SWEEP_ASPECTS: [f64; 9] = [0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0, 68.0 / 7.0, 15.0];
 
-/// A length that may predict a body's stiffness.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Predictor {
-    /// Diameter of the sphere of equal volume.
-    Volume,
-    /// Diameter of the sphere of equal surface area, which the paper regards as the cause.
-    Surface,
-    /// Diameter of the disc whose area equals the body's area projected along the force.
-    Projected,
-    /// Largest extent of the body.
-    Length,
-    /// One third of the `Projected` diameter plus two thirds of the `Surface` diameter, for pressure and shear drag (Leith 1987, Aerosol Sci. Technol. 6:153).
-    Leith,
-    /// Mean caliper diameter: extent of the body, averaged over all directions.
-    MeanCaliper,
+base::named_enum! {
+    /// A length that may predict a body's stiffness.
+    pub enum Predictor {
+        /// Diameter of the sphere of equal volume.
+        Volume = "volume",
+        /// Diameter of the sphere of equal surface area, which the paper regards as the cause.
+        Surface = "surface",
+        /// Diameter of the disc whose area equals the body's area projected along the force.
+        Projected = "projected area along the force",
+        /// Largest extent of the body.
+        Length = "length",
+        /// One third of the `Projected` diameter plus two thirds of the `Surface` diameter, for pressure and shear drag (Leith 1987, Aerosol Sci. Technol. 6:153).
+        Leith = "1/3 projected area + 2/3 surface (Leith 1987)",
+        /// Mean caliper diameter: extent of the body, averaged over all directions.
+        MeanCaliper = "mean caliper diameter",
+    }
+    /// Name of the predictor in words.
+    pub fn title
 }
 
 impl Predictor {
-    /// All predictors, in the order of the enum.
-    pub const ALL: [Self; 6] =
-        [Self::Volume, Self::Surface, Self::Projected, Self::Length, Self::Leith, Self::MeanCaliper];
-
-    /// Name of the predictor in words.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Volume => "volume",
-            Self::Surface => "surface",
-            Self::Projected => "projected area along the force",
-            Self::Length => "length",
-            Self::Leith => "1/3 projected area + 2/3 surface (Leith 1987)",
-            Self::MeanCaliper => "mean caliper diameter",
-        }
-    }
-
     /// Length of a body that this predictor uses, in m.
     pub fn length_m(self, body: &StudyBody) -> f64 {
         let [along, across] = body.sizes_m();

@@ -16,27 +16,18 @@ const TORQUE: [&str; 2] = ["torque", "drehmoment"];
 const NO_COURSE: [&str; 11] =
     ["max", "maximum", "maximal", "min", "minimum", "limit", "rated", "nominal", "amplitude", "fullscale", "range"];
 
-/// Role of a column. The order is that of [`TableSettings::columns`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
-    Time,
-    Force,
-    Position,
-    Cycle,
+base::named_enum! {
+    /// Role of a column. The order is that of [`TableSettings::columns`].
+    pub(super) enum Role {
+        Time = "time",
+        Force = "force",
+        Position = "position",
+        Cycle = "cycle",
+    }
+    pub fn name
 }
 
 impl Role {
-    pub const ALL: [Self; 4] = [Self::Time, Self::Force, Self::Position, Self::Cycle];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Force => "force",
-            Self::Position => "position",
-            Self::Cycle => "cycle",
-        }
-    }
-
     /// Setting with which the user selects the column of this role.
     fn column_setting(self) -> Setting {
         match self {

@@ -5,55 +5,35 @@ use std::borrow::Cow;
 /// Number of bytes in which zero bytes are counted to detect UTF-16.
 const LOOKED_AT: usize = 4096;
 
-/// Character between two cells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Delimiter {
-    /// `,`
-    Comma,
-    /// `;`
-    Semicolon,
-    /// A tab.
-    Tab,
-    /// One or more blanks or tabs.
-    Spaces,
-}
-
-impl Delimiter {
-    /// All delimiters, in the order in which they are tried.
-    pub const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Spaces];
-
-    /// Name of the delimiter in `experiment.toml`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Comma => ",",
-            Self::Semicolon => ";",
-            Self::Tab => "tab",
-            Self::Spaces => "spaces",
-        }
+base::named_enum! {
+    /// Character between two cells. The order is that in which delimiters are tried.
+    pub enum Delimiter {
+        /// A tab.
+        Tab = "tab",
+        /// `;`
+        Semicolon = ";",
+        /// `,`
+        Comma = ",",
+        /// One or more blanks or tabs.
+        Spaces = "spaces",
     }
+    /// Name of the delimiter in `experiment.toml`.
+    pub fn name
 }
 
-/// Character before the decimals of a number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Decimal {
-    /// `1.5`
-    Point,
-    /// `1,5`
-    Comma,
+base::named_enum! {
+    /// Character before the decimals of a number.
+    pub enum Decimal {
+        /// `1.5`
+        Point = ".",
+        /// `1,5`
+        Comma = ",",
+    }
+    /// Name of the decimal sign in `experiment.toml`.
+    pub fn name
 }
 
 impl Decimal {
-    /// Both decimal signs.
-    pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
-
-    /// Name of the decimal sign in `experiment.toml`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Point => ".",
-            Self::Comma => ",",
-        }
-    }
-
     /// Returns the number in a cell; `None` if the cell does not contain a finite number. The minus may be typeset (U+2212), and thousands may be
     /// separated (`4 600`, `4'600`).
     pub fn number(self, cell: &str) -> Option<f64> {
@@ -110,27 +90,19 @@ fn without_groups(cell: &str, between: char, before_decimals: char) -> Option<St
     (!decimals.contains(between)).then(|| format!("{whole}{before_decimals}{decimals}"))
 }
 
-/// Thousands separator that could be mistaken for a decimal sign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Thousands {
-    /// `1.234`
-    Point,
-    /// `1,234`
-    Comma,
+base::named_enum! {
+    /// Thousands separator that could be mistaken for a decimal sign.
+    pub enum Thousands {
+        /// `1.234`
+        Point = ".",
+        /// `1,234`
+        Comma = ",",
+    }
+    /// Name of the separator in `experiment.toml`.
+    pub fn name
 }
 
 impl Thousands {
-    /// Both thousands separators.
-    pub const ALL: [Self; 2] = [Self::Point, Self::Comma];
-
-    /// Name of the separator in `experiment.toml`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Point => ".",
-            Self::Comma => ",",
-        }
-    }
-
     fn sign(self) -> char {
         match self {
             Self::Point => '.',
@@ -150,33 +122,23 @@ impl Thousands {
     }
 }
 
-/// Character encoding of a table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Encoding {
-    /// UTF-8 with or without a byte order mark.
-    Utf8,
-    /// UTF-16, little-endian.
-    Utf16Little,
-    /// UTF-16, big-endian.
-    Utf16Big,
-    /// Latin-1: one byte for each character. Instruments use it for µ and °.
-    Latin1,
+base::named_enum! {
+    /// Character encoding of a table.
+    pub enum Encoding {
+        /// UTF-8 with or without a byte order mark.
+        Utf8 = "utf-8",
+        /// UTF-16, little-endian.
+        Utf16Little = "utf-16-le",
+        /// UTF-16, big-endian.
+        Utf16Big = "utf-16-be",
+        /// Latin-1: one byte for each character. Instruments use it for µ and °.
+        Latin1 = "latin-1",
+    }
+    /// Name of the encoding in `experiment.toml`.
+    pub fn name
 }
 
 impl Encoding {
-    /// All encodings.
-    pub const ALL: [Self; 4] = [Self::Utf8, Self::Utf16Little, Self::Utf16Big, Self::Latin1];
-
-    /// Name of the encoding in `experiment.toml`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Utf8 => "utf-8",
-            Self::Utf16Little => "utf-16-le",
-            Self::Utf16Big => "utf-16-be",
-            Self::Latin1 => "latin-1",
-        }
-    }
-
     /// Detects the encoding of a table from its bytes. UTF-16 shows in a byte order mark, or in zero bytes beside digits. Other text is UTF-8 if it
     /// is valid, and Latin-1 otherwise.
     pub fn of(bytes: &[u8]) -> Self {

@@ -7,25 +7,29 @@ use criticism::NoiseValues;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Kind of noise in a challenge's data. The experiment may state the size of the noise (`noise_um`). The diagnosis must estimate everything else.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum NoiseKind {
-    /// White noise with a standard deviation of 4 µm.
-    White,
-    /// White noise of 4 µm, and slow noise: an Ornstein–Uhlenbeck process of 4 µm with a correlation time of 0.5 to 2 s.
-    Ou,
-    /// White noise of 4 µm, and a scale of the position that varies between cycles by 1 %.
-    Gain,
-    /// White noise of 4 µm, and outliers: 1 % of the rows deviate by 10 to 20 standard deviations.
-    Outliers,
-    /// Slow noise only, of 3 to 6 µm with a correlation time of 0.1 to 10 s. It is an Ornstein–Uhlenbeck process (at equal intervals: autoregressive of order one).
-    OuAlone,
-    /// Slow noise as in `OuAlone`, and outliers: 1 % of the rows deviate by 10 to 20 of its standard deviations.
-    OuOutliers,
-    /// White noise of 4 µm, and lost positions in a tenth of the rows. Half of them are lost singly, half in bursts of 0.25 to 1 s.
-    Lost,
+base::named_enum! {
+    /// Kind of noise in a challenge's data. The experiment may state the size of the noise (`noise_um`). The diagnosis must estimate everything else.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum NoiseKind {
+        /// White noise with a standard deviation of 4 µm.
+        White = "white",
+        /// White noise of 4 µm, and slow noise: an Ornstein–Uhlenbeck process of 4 µm with a correlation time of 0.5 to 2 s.
+        Ou = "ou",
+        /// White noise of 4 µm, and a scale of the position that varies between cycles by 1 %.
+        Gain = "gain",
+        /// White noise of 4 µm, and outliers: 1 % of the rows deviate by 10 to 20 standard deviations.
+        Outliers = "outliers",
+        /// Slow noise only, of 3 to 6 µm with a correlation time of 0.1 to 10 s. It is an Ornstein–Uhlenbeck process (at equal intervals: autoregressive of order one).
+        OuAlone = "ou-alone",
+        /// Slow noise as in `OuAlone`, and outliers: 1 % of the rows deviate by 10 to 20 of its standard deviations.
+        OuOutliers = "ou-outliers",
+        /// White noise of 4 µm, and lost positions in a tenth of the rows. Half of them are lost singly, half in bursts of 0.25 to 1 s.
+        Lost = "lost",
+    }
+    /// Name of the kind in options and JSON.
+    pub fn name
 }
 
 /// Random errors and lost positions of a record.
@@ -71,23 +75,6 @@ const NOTHING: f64 = 1e-6;
 impl NoiseKind {
     /// Kinds of noise that are used by default.
     pub const USUAL: [Self; 4] = [Self::White, Self::Ou, Self::Gain, Self::Outliers];
-
-    /// All kinds.
-    pub const ALL: [Self; 7] =
-        [Self::White, Self::Ou, Self::Gain, Self::Outliers, Self::OuAlone, Self::OuOutliers, Self::Lost];
-
-    /// Name of the kind in options and JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::White => "white",
-            Self::Ou => "ou",
-            Self::Gain => "gain",
-            Self::Outliers => "outliers",
-            Self::OuAlone => "ou-alone",
-            Self::OuOutliers => "ou-outliers",
-            Self::Lost => "lost",
-        }
-    }
 
     /// True if this kind includes white noise.
     fn has_white(self) -> bool {

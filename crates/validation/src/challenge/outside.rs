@@ -8,72 +8,45 @@ use super::Protocol;
 use record::Record;
 use sampling::ensemble::RandomStream;
 
-/// Kind of physics outside the library.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum DisturbanceKind {
-    /// The camera vibrates at its own frequency.
-    Vibration,
-    /// The camera vibrates at a multiple of the cycle's frequency.
-    CycleVibration,
-    /// The tracked point jumps once and stays there.
-    Slip,
-    /// The tracker's scale changes once.
-    GainJump,
-    /// The robot is displaced for about a second and returns.
-    Bump,
-    /// The recorded position drifts to and fro smoothly, over tens of seconds.
-    Wander,
-    /// The tracker's scale depends on the position x: the tracker records x (1 + s (x/x_max)²), where s is the size and x_max the largest position.
-    CubicScale,
-    /// The tracker shifts positions towards its pixels. The error is a saw-tooth function of the position. Over one pixel pitch it varies between minus and
-    /// plus the size.
-    PixelLocking,
-    /// The tracker follows with a dead band (play operator). Under a square-wave force this equals a delay, so the protocol must contain rests.
-    Backlash,
-    /// The force is not proportional to the commanded force F: it is F (1 + s (|F|/F_max − 1)), where s is the size and F_max the largest commanded force. With
-    /// a single force level the disturbance equals a change of scale, so the protocol needs several levels.
-    ForceLevel,
-    /// The robot moves by several radii in a gel whose large-strain law is not in the library (Giesekus's fluid). Its size is given in robot radii.
-    LargeDisplacement,
+base::named_enum! {
+    /// Kind of physics outside the library.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum DisturbanceKind {
+        /// The camera vibrates at its own frequency.
+        Vibration = "vibration",
+        /// The camera vibrates at a multiple of the cycle's frequency.
+        CycleVibration = "cycle-vibration",
+        /// The tracked point jumps once and stays there.
+        Slip = "slip",
+        /// The tracker's scale changes once.
+        GainJump = "gain-jump",
+        /// The robot is displaced for about a second and returns.
+        Bump = "bump",
+        /// The recorded position drifts to and fro smoothly, over tens of seconds.
+        Wander = "wander",
+        /// The tracker's scale depends on the position x: the tracker records x (1 + s (x/x_max)²), where s is the size and x_max the largest position.
+        CubicScale = "cubic-scale",
+        /// The tracker shifts positions towards its pixels. The error is a saw-tooth function of the position. Over one pixel pitch it varies between minus and
+        /// plus the size.
+        PixelLocking = "pixel-locking",
+        /// The tracker follows with a dead band (play operator). Under a square-wave force this equals a delay, so the protocol must contain rests.
+        Backlash = "backlash",
+        /// The force is not proportional to the commanded force F: it is F (1 + s (|F|/F_max − 1)), where s is the size and F_max the largest commanded force. With
+        /// a single force level the disturbance equals a change of scale, so the protocol needs several levels.
+        ForceLevel = "force-level",
+        /// The robot moves by several radii in a gel whose large-strain law is not in the library (Giesekus's fluid). Its size is given in robot radii.
+        LargeDisplacement = "large-displacement",
+    }
+    /// Name of the kind in options and JSON.
+    pub fn name
 }
 
 impl DisturbanceKind {
     /// Kinds that are drawn at random. Large displacements are used only on request, because their data take a minute to compute.
-    pub const DRAWN: [Self; 10] = [
-        Self::Vibration,
-        Self::CycleVibration,
-        Self::Slip,
-        Self::GainJump,
-        Self::Bump,
-        Self::Wander,
-        Self::CubicScale,
-        Self::PixelLocking,
-        Self::Backlash,
-        Self::ForceLevel,
-    ];
-
-    /// All kinds.
-    pub fn all() -> Vec<Self> {
-        Self::DRAWN.into_iter().chain([Self::LargeDisplacement]).collect()
-    }
-
-    /// Name of the kind in options and JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Vibration => "vibration",
-            Self::CycleVibration => "cycle-vibration",
-            Self::Slip => "slip",
-            Self::GainJump => "gain-jump",
-            Self::Bump => "bump",
-            Self::Wander => "wander",
-            Self::CubicScale => "cubic-scale",
-            Self::PixelLocking => "pixel-locking",
-            Self::Backlash => "backlash",
-            Self::ForceLevel => "force-level",
-            Self::LargeDisplacement => "large-displacement",
-        }
+    pub fn drawn() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(|kind| *kind != Self::LargeDisplacement)
     }
 
     /// True if no effect of the library can explain this kind of disturbance with the given protocol.
@@ -217,7 +190,7 @@ mod tests {
     #[test]
     fn nothing_of_it_is_nothing() {
         let (record, position_m) = ramp();
-        for kind in DisturbanceKind::DRAWN {
+        for kind in DisturbanceKind::drawn() {
             let none = Disturbance::draw(kind, &mut RandomStream::new(1, 0)).sized(0.0);
             assert_eq!(none.recorded_m(&record, &position_m), position_m, "{kind:?}");
             assert_eq!(none.force_n(&record), record.force_n, "{kind:?}");
@@ -227,7 +200,7 @@ mod tests {
     #[test]
     fn every_kind_changes_the_fitted_cycles() {
         let (record, position_m) = ramp();
-        for kind in DisturbanceKind::DRAWN {
+        for kind in DisturbanceKind::drawn() {
             for stream in 0..20 {
                 let made = Disturbance::draw(kind, &mut RandomStream::new(1, stream));
                 let moved =

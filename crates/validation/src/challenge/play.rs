@@ -4,21 +4,25 @@ use serde::{Deserialize, Serialize};
 
 use super::Truth;
 
-/// Sort of a challenge: the kind of physics that it hides.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum HiddenKind {
-    /// Nothing is hidden.
-    None,
-    /// One effect of the library.
-    Single,
-    /// Two effects of the library.
-    Pair,
-    /// Physics outside the library.
-    Outside,
-    /// A wrong constant of the apparatus, which the law absorbs.
-    Apparatus,
+base::named_enum! {
+    /// Sort of a challenge: the kind of physics that it hides.
+    #[derive(PartialOrd, Ord, Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "lowercase")]
+    pub enum HiddenKind {
+        /// Nothing is hidden.
+        None = "none",
+        /// One effect of the library.
+        Single = "single",
+        /// Two effects of the library.
+        Pair = "pair",
+        /// Physics outside the library.
+        Outside = "outside",
+        /// A wrong constant of the apparatus, which the law absorbs.
+        Apparatus = "apparatus",
+    }
+    /// Name of the sort in tables.
+    pub fn name
 }
 
 impl HiddenKind {
@@ -30,17 +34,6 @@ impl HiddenKind {
             (None, None, 0) => Self::None,
             (None, None, 1) => Self::Single,
             (None, None, _) => Self::Pair,
-        }
-    }
-
-    /// Name of the sort in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Single => "single",
-            Self::Pair => "pair",
-            Self::Outside => "outside",
-            Self::Apparatus => "apparatus",
         }
     }
 }

@@ -240,7 +240,7 @@ fn draw(bench: &Bench, request: &PlaysRequest, sort: HiddenKind, number: usize) 
             }
             HiddenKind::Outside => {
                 let kinds: Vec<DisturbanceKind> =
-                    DisturbanceKind::DRAWN.into_iter().filter(|kind| kind.suits(protocol)).collect();
+                    DisturbanceKind::drawn().filter(|kind| kind.suits(protocol)).collect();
                 order(HiddenPhysics::Outside(kinds[(spread(kinds.len()) + attempt) % kinds.len()]), signal_sigma)
             }
             HiddenKind::Single => {

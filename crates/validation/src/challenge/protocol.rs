@@ -4,15 +4,19 @@ use serde::{Deserialize, Serialize};
 
 use record::{Apparatus, Experiment, Record};
 
-/// A protocol: commanded force over time. Every protocol has four cycles of 10 s, sampled at 20 Hz.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum Protocol {
-    /// The paper's protocol: the force alternates between F and −F every 5 s.
-    Paper,
-    /// Three force levels of both signs, separated by rests.
-    Levels,
+base::named_enum! {
+    /// A protocol: commanded force over time. Every protocol has four cycles of 10 s, sampled at 20 Hz.
+    #[derive(Serialize, Deserialize)]
+    #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+    #[serde(rename_all = "lowercase")]
+    pub enum Protocol {
+        /// The paper's protocol: the force alternates between F and −F every 5 s.
+        Paper = "paper",
+        /// Three force levels of both signs, separated by rests.
+        Levels = "levels",
+    }
+    /// Name of the protocol in options and JSON.
+    pub fn name
 }
 
 const N_CYCLES: u32 = 4;
@@ -24,17 +28,6 @@ const FORCE_N: f64 = 4.6e-6;
 pub(super) const WHITE_M: f64 = 4e-6;
 
 impl Protocol {
-    /// Both protocols.
-    pub const ALL: [Self; 2] = [Self::Paper, Self::Levels];
-
-    /// Name of the protocol in options and JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paper => "paper",
-            Self::Levels => "levels",
-        }
-    }
-
     /// Holds of one cycle: force divided by the largest force, and duration in s.
     fn holds(self) -> &'static [(f64, f64)] {
         match self {
