@@ -85,7 +85,11 @@ pub fn compare_model(
     for (k, panel) in panels.iter().enumerate() {
         let bars = bars(subject, &linear, &residual_m, panel, rows.is_fitted(), &test_statistics.panel_fits[k])?;
         let rms_um = 1e6 * rms_m(subject, &test_statistics.panel_fits[k].correction_m);
-        entries.push(entry(panel, bars, rms_um, k, &test_statistics, &significance));
+        entries.push(TestEntry {
+            is_along_force: panel.is_along_force,
+            rms_um: Some(rms_um),
+            ..entry(k, panel.place, panel.title, bars, &test_statistics, &significance)
+        });
     }
     entries.extend(whiteness_entries(&test_statistics, &significance));
     let noise_um = subject.noise_um();
@@ -223,21 +227,22 @@ fn amplitudes(bars: Vec<ColumnBias>) -> Vec<ColumnBias> {
     bars.chunk_by(|a, b| a.label == b.label).map(amplitude).collect()
 }
 
+/// Entry of the test with the index `k`, which is neither along the force nor has a bias in µm.
 fn entry(
-    panel: &Panel,
-    bars: Vec<ColumnBias>,
-    rms_um: f64,
     k: usize,
+    place: &str,
+    title: &str,
+    bars: Vec<ColumnBias>,
     test_statistics: &TestStatistics,
     significance: &Significance,
 ) -> TestEntry {
     TestEntry {
-        place: panel.place.into(),
-        title: panel.title.into(),
-        is_along_force: panel.is_along_force,
+        place: place.into(),
+        title: title.into(),
+        is_along_force: false,
         gain_nats: test_statistics.statistics[k],
         gain_by_chance_nats: significance.mean[k],
-        rms_um: Some(rms_um),
+        rms_um: None,
         p: significance.p[k],
         p_familywise: significance.p_familywise[k],
         bars,
@@ -259,17 +264,7 @@ fn whiteness_entries(test_statistics: &TestStatistics, significance: &Significan
     let rho = whiteness::autocorrelation(&test_statistics.whitened);
     let score = whiteness::runs_score(&test_statistics.whitened);
     let first = test_statistics.panel_fits.len();
-    let made = |k: usize, place: &str, title: &str, bars| TestEntry {
-        place: place.into(),
-        title: title.into(),
-        is_along_force: false,
-        gain_nats: test_statistics.statistics[k],
-        gain_by_chance_nats: significance.mean[k],
-        rms_um: None,
-        p: significance.p[k],
-        p_familywise: significance.p_familywise[k],
-        bars,
-    };
+    let made = |k, place, title, bars| entry(k, place, title, bars, test_statistics, significance);
     let of_runs = ColumnBias {
         label: "score".into(),
         phrase: String::new(),
