@@ -140,24 +140,13 @@ impl EvidenceSet {
                 evidence_set.bounds.insert(single.slug, at_most(single));
             }
         }
-        evidence_set.remarks.extend((!far.is_empty()).then(|| {
-            format!(
-                "the Bayes factors of {} are not computed: their gains put them more than {REACH_NATS:.0} nats below the best",
-                far.join(", ")
-            )
-        }));
-        evidence_set.remarks.extend((!slow.is_empty()).then(|| {
-            format!(
-                "the Bayes factors of {} are not computed, because nonlinear laws take long: the document gives upper bounds, and intervals by a normal approximation around the fit",
-                slow.join(", ")
-            )
-        }));
-        evidence_set.remarks.extend((!failed.is_empty()).then(|| {
-            format!(
-                "the evidence of {} could not be computed: the document gives upper bounds of their Bayes factors, and intervals by a normal approximation around the fit",
-                failed.join(", ")
-            )
-        }));
+        let remarks = [
+            (far, "the Bayes factors of ", format!(" are not computed: their gains put them more than {REACH_NATS:.0} nats below the best")),
+            (slow, "the Bayes factors of ", " are not computed, because nonlinear laws take long: the document gives upper bounds, and intervals by a normal approximation around the fit".into()),
+            (failed, "the evidence of ", " could not be computed: the document gives upper bounds of their Bayes factors, and intervals by a normal approximation around the fit".into()),
+        ];
+        let remarks = remarks.into_iter().filter(|(slugs, ..)| !slugs.is_empty());
+        evidence_set.remarks.extend(remarks.map(|(slugs, start, end)| format!("{start}{}{end}", slugs.join(", "))));
         if let [slug] = claimed[..]
             && let BayesFactor::Known(factor) = evidence_set.factor(slug)
             && factor < 0.0

@@ -16,6 +16,7 @@ use super::{Candidate, Fitted, Search, Subject};
 use base::error::Result;
 use record::Record;
 use record::noise::SD_PER_MAD;
+use record::robust::median;
 
 /// Number of rows before and after a row with which the row is compared. The medians of both sides are used: two bad rows among five do not affect a median.
 const N_NEIGHBOURS: usize = 5;
@@ -81,7 +82,7 @@ fn rows_of(record: &Record, residual_m: &[Option<f64>], least_scale_m: f64) -> V
     let departures: Vec<Option<Departure>> =
         (0..rows.len()).map(|place| departure(&time_s, &residual_m, place, REACH_INTERVALS * interval_s)).collect();
     let sizes: Vec<f64> = departures.iter().flatten().map(|departure| departure.from_both_m.abs()).collect();
-    let scale_m = (SD_PER_MAD * median(sizes)).max(least_scale_m);
+    let scale_m = (SD_PER_MAD * median(sizes).unwrap_or(0.0)).max(least_scale_m);
     let stands_out = |place: &usize| {
         departures[*place].as_ref().is_some_and(|departure| departure.one_sided_m > THRESHOLD * scale_m)
     };
@@ -111,7 +112,7 @@ fn departure(time_s: &[f64], residual_m: &[f64], place: usize, reach_s: f64) -> 
     let is_near = |other: &usize| (time_s[*other] - time_s[place]).abs() <= reach_s;
     let of_side = |side: Vec<usize>| -> Option<f64> {
         let near: Vec<f64> = side.into_iter().filter(is_near).map(|other| residual_m[other]).collect();
-        (near.len() >= FEWEST_NEIGHBOURS).then(|| residual_m[place] - median(near))
+        if near.len() < FEWEST_NEIGHBOURS { None } else { median(near).map(|middle_m| residual_m[place] - middle_m) }
     };
     let before_m = of_side((place.saturating_sub(N_NEIGHBOURS)..place).collect());
     let after_m = of_side((place + 1..residual_m.len().min(place + 1 + N_NEIGHBOURS)).collect());
@@ -224,12 +225,6 @@ impl<'a> Steps<'a> {
 }
 
 /// Median of finite values; 0 if there are none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
-}
-
 #[cfg(test)]
 #[path = "outliers_tests.rs"]
 mod tests;
