@@ -118,48 +118,82 @@ impl From<f64> for Dual {
     }
 }
 
-impl Add for Dual {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { value: self.value + other.value, derivative: self.derivative + other.derivative }
-    }
-}
-
-impl Sub for Dual {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { value: self.value - other.value, derivative: self.derivative - other.derivative }
-    }
-}
-
-impl Mul for Dual {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self {
-            value: self.value * other.value,
-            derivative: self.derivative * other.value + self.value * other.derivative,
+/// Implements the operators of a number with its derivative, a struct with the fields `value` and `derivative` of the type `$Part`.
+#[macro_export]
+macro_rules! dual_operators {
+    ($Dual:ident, $Part:ty) => {
+        impl std::ops::Add for $Dual {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                Self { value: self.value + other.value, derivative: self.derivative + other.derivative }
+            }
         }
-    }
+
+        impl std::ops::Sub for $Dual {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self { value: self.value - other.value, derivative: self.derivative - other.derivative }
+            }
+        }
+
+        impl std::ops::Mul for $Dual {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                Self {
+                    value: self.value * other.value,
+                    derivative: self.derivative * other.value + self.value * other.derivative,
+                }
+            }
+        }
+
+        impl std::ops::Div for $Dual {
+            type Output = Self;
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                let value = self.value / other.value;
+                Self { value, derivative: (self.derivative - value * other.derivative) / other.value }
+            }
+        }
+
+        impl std::ops::Neg for $Dual {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self { value: -self.value, derivative: -self.derivative }
+            }
+        }
+
+        impl std::ops::Mul<$Part> for $Dual {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, other: $Part) -> Self {
+                Self { value: self.value * other, derivative: self.derivative * other }
+            }
+        }
+    };
 }
 
-impl Div for Dual {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        let value = self.value / other.value;
-        Self { value, derivative: (self.derivative - value * other.derivative) / other.value }
-    }
-}
+dual_operators!(Dual, f64);
 
-impl Neg for Dual {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self { value: -self.value, derivative: -self.derivative }
-    }
+/// Implements operators of a struct around an array as loops over its lanes. The loops become vector instructions if the caller is compiled for them.
+#[macro_export]
+macro_rules! elementwise {
+    ($Lanes:ident, $($Trait:ident $method:ident $operator:tt)*) => {
+        $(impl std::ops::$Trait for $Lanes {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                let mut result = self;
+                for lane in 0..self.0.len() {
+                    result.0[lane] = self.0[lane] $operator other.0[lane];
+                }
+                result
+            }
+        })*
+    };
 }
 
 impl AddAssign for Dual {
@@ -182,14 +216,6 @@ impl Sub<f64> for Dual {
     #[inline(always)]
     fn sub(self, other: f64) -> Self {
         Self { value: self.value - other, ..self }
-    }
-}
-
-impl Mul<f64> for Dual {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: f64) -> Self {
-        Self { value: self.value * other, derivative: self.derivative * other }
     }
 }
 

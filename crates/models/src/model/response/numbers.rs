@@ -262,37 +262,23 @@ impl Field for Dual {
     }
 }
 
-/// Implements an operator as a loop over the lanes. The loop becomes vector instructions if the caller is compiled for them.
-macro_rules! elementwise {
-    ($trait:ident, $method:ident, $operator:tt) => {
-        impl $trait for Lanes {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                let mut result = self;
-                for lane in 0..N_LANES {
-                    result.0[lane] = self.0[lane] $operator other.0[lane];
-                }
-                result
-            }
-        }
-    };
-}
+base::elementwise!(Lanes, Add add + Sub sub - Mul mul * Div div /);
 
-elementwise!(Add, add, +);
-elementwise!(Sub, sub, -);
-elementwise!(Mul, mul, *);
-elementwise!(Div, div, /);
+/// Lanes from a function of a lane's index. Unlike `std::array::from_fn`, the loop becomes part of the calling vector code.
+#[inline(always)]
+fn each(of_lane: impl Fn(usize) -> f64) -> Lanes {
+    let mut lanes = Lanes([0.0; N_LANES]);
+    for lane in 0..N_LANES {
+        lanes.0[lane] = of_lane(lane);
+    }
+    lanes
+}
 
 impl Neg for Lanes {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        let mut result = self;
-        for lane in 0..N_LANES {
-            result.0[lane] = -self.0[lane];
-        }
-        result
+        each(|lane| -self.0[lane])
     }
 }
 
@@ -318,19 +304,11 @@ impl Scalar for Lanes {
     }
     #[inline(always)]
     fn exp(self) -> Self {
-        let mut result = self;
-        for lane in 0..N_LANES {
-            result.0[lane] = self.0[lane].exp();
-        }
-        result
+        each(|lane| self.0[lane].exp())
     }
     #[inline(always)]
     fn exp_m1(self) -> Self {
-        let mut result = self;
-        for lane in 0..N_LANES {
-            result.0[lane] = self.0[lane].exp_m1();
-        }
-        result
+        each(|lane| self.0[lane].exp_m1())
     }
 }
 
@@ -339,11 +317,7 @@ impl Number for Lanes {
     const N_POINTS: usize = N_LANES;
     #[inline(always)]
     fn mul_add(self, factor: Self, addend: Self) -> Self {
-        let mut result = self;
-        for lane in 0..N_LANES {
-            result.0[lane] = self.0[lane].mul_add(factor.0[lane], addend.0[lane]);
-        }
-        result
+        each(|lane| self.0[lane].mul_add(factor.0[lane], addend.0[lane]))
     }
     #[inline(always)]
     fn lane(self, lane: usize) -> f64 {
@@ -363,19 +337,11 @@ impl Number for Lanes {
     }
     #[inline(always)]
     fn overlap(self, other: Self) -> Self {
-        let mut result = self;
-        for lane in 0..N_LANES {
-            result.0[lane] = self.0[lane].overlap(other.0[lane]);
-        }
-        result
+        each(|lane| self.0[lane].overlap(other.0[lane]))
     }
     #[inline(always)]
     fn choose(self, limit: f64, below: Self, otherwise: Self) -> Self {
-        let mut result = below;
-        for lane in 0..N_LANES {
-            result.0[lane] = if self.0[lane].abs() < limit { below.0[lane] } else { otherwise.0[lane] };
-        }
-        result
+        each(|lane| if self.0[lane].abs() < limit { below.0[lane] } else { otherwise.0[lane] })
     }
 }
 

@@ -45,25 +45,7 @@ pub(super) trait LaneBlock:
 #[repr(align(64))]
 pub(super) struct Plain(pub [f64; N_LANES]);
 
-macro_rules! lanewise {
-    ($trait:ident, $method:ident, $operator:tt) => {
-        impl $trait for Plain {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                let mut result = self;
-                for l in 0..N_LANES {
-                    result.0[l] = self.0[l] $operator other.0[l];
-                }
-                result
-            }
-        }
-    };
-}
-lanewise!(Add, add, +);
-lanewise!(Sub, sub, -);
-lanewise!(Mul, mul, *);
-lanewise!(Div, div, /);
+base::elementwise!(Plain, Add add + Sub sub - Mul mul * Div div /);
 
 /// Applies a function to every lane. Unlike `array::map`, the loop becomes part of the calling vector code.
 #[inline(always)]
@@ -210,50 +192,7 @@ pub(super) struct DualLanes {
     derivative: Plain,
 }
 
-impl Add for DualLanes {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { value: self.value + other.value, derivative: self.derivative + other.derivative }
-    }
-}
-impl Sub for DualLanes {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { value: self.value - other.value, derivative: self.derivative - other.derivative }
-    }
-}
-impl Mul for DualLanes {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        let derivative = self.derivative * other.value + self.value * other.derivative;
-        Self { value: self.value * other.value, derivative }
-    }
-}
-impl Mul<Plain> for DualLanes {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Plain) -> Self {
-        Self { value: self.value * other, derivative: self.derivative * other }
-    }
-}
-impl Div for DualLanes {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        let value = self.value / other.value;
-        Self { value, derivative: (self.derivative - value * other.derivative) / other.value }
-    }
-}
-impl Neg for DualLanes {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self { value: -self.value, derivative: -self.derivative }
-    }
-}
+base::dual_operators!(DualLanes, Plain);
 
 impl LaneBlock for DualLanes {
     type Scalar = Dual;
