@@ -11,18 +11,18 @@ use vitreo_uq::jobs::visibility;
 use vitreo_uq::models::effects::Library;
 use vitreo_uq::posterior::study::WithProvenance;
 
-use crate::options::EffectsArguments;
+use crate::options::ModelArguments;
 use crate::session::Session;
 use crate::text::significant;
 
-pub fn run(arguments: &EffectsArguments) -> Result<ExitCode> {
+pub fn run(arguments: &ModelArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
     let target = session.open(&arguments.model, &[], &[])?;
     let target = target.creep()?;
     let problem = target.problem(&session.terminal)?;
     let kept = target.existing_study().and_then(|study| kept_surrogate(study, &session.terminal));
     let summary = visibility::run(&problem, &Library::default(), kept, &session.terminal)?;
-    let provenance = artefacts::with_inputs(target.provenance("effects", arguments.common.seed)?, &problem);
+    let provenance = artefacts::with_inputs(target.provenance("effects", arguments.common.output.seed)?, &problem);
     session.show(&WithProvenance { provenance, body: &summary }, &words(&summary))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -20,14 +20,14 @@ pub fn run(arguments: &ExtendArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
     let taken = [TargetKind::Cohort];
     let is_cohort = session.kind(&arguments.others, &taken) == TargetKind::Cohort;
-    if is_cohort && arguments.common.json.is_some() {
+    if is_cohort && arguments.common.output.json.is_some() {
         let found = "`--json` writes one document, but each record of a cohort has a separate document";
         return Err(Error::input(InputPlace::default().at_key("--json"), found, "omit --json, or extend one record"));
     }
     let request = ExtendRequest {
         effects: named_effects(&arguments.model.with)?,
         set: arguments.model.set.clone(),
-        sampler: session.sampler(arguments.chains, arguments.steps),
+        sampler: session.sampler(&arguments.walkers),
         pages: !arguments.page.no_report,
     };
     // The options for effects and values apply to the new revision only. All other options also apply to the revision that is extended.

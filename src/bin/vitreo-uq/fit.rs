@@ -8,14 +8,14 @@ use vitreo_uq::documents::fit::{FitSummary, FittedParameter};
 use vitreo_uq::figures::labels::{model_title, parameter_label};
 use vitreo_uq::jobs::fit;
 
-use crate::options::FitArguments;
+use crate::options::ModelArguments;
 use crate::session::Session;
 use crate::text::{column_width, significant, warning_text};
 
-pub fn run(arguments: &FitArguments) -> Result<ExitCode> {
+pub fn run(arguments: &ModelArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
     let target = session.open(&arguments.model, &[], &[])?;
-    let outcome = fit::run(&target, arguments.common.seed, &session.terminal)?;
+    let outcome = fit::run(&target, arguments.common.output.seed, &session.terminal)?;
     session.show(&outcome.document, &words(&outcome.document.body))?;
     session.say(&format!("Result: {}", outcome.written.display()));
     Ok(ExitCode::from(u8::from(!outcome.is_sound)))

@@ -19,7 +19,7 @@ const LABEL_WIDTH: [usize; 2] = [34, 72];
 
 pub fn run(arguments: &LadderArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
-    let options = session.sampler(arguments.chains, arguments.steps);
+    let options = session.sampler(&arguments.walkers);
     let target = session.open(&arguments.model, &[], &[])?;
     let request = LadderRequest { up_to: arguments.model.from.clone(), options, refit: arguments.common.force };
     let outcome = ladder::run(&target, &request, &session.terminal)?;

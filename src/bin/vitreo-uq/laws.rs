@@ -18,7 +18,7 @@ pub fn run(arguments: &CompareArguments, names: &[String]) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
     let target = session.open(&arguments.model, &[], &[TargetKind::Oscillation])?;
     let laws = names.iter().filter(|name| !name.is_empty()).cloned().collect();
-    let outcome = laws::run(&target, &LawsRequest { laws, seed: arguments.common.seed }, &session.terminal)?;
+    let outcome = laws::run(&target, &LawsRequest { laws, seed: arguments.common.output.seed }, &session.terminal)?;
     session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.page)
 }
 

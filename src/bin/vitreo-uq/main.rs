@@ -52,8 +52,8 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, Parser, Subcommand};
 
 use options::{
-    CompareArguments, CornerArguments, DiagnoseArguments, EffectsArguments, ExtendArguments, FitArguments,
-    LadderArguments, LearnArguments, SampleArguments, SimulateArguments,
+    CompareArguments, CornerArguments, DiagnoseArguments, ExtendArguments, LadderArguments, LearnArguments,
+    ModelArguments, SampleArguments, SimulateArguments,
 };
 use vitreo_uq::Error;
 use vitreo_uq::base::error::{InputPlace, rename_settings};
@@ -82,13 +82,13 @@ enum Command {
     /// Estimate the posterior from a measurement, and check it with full finite elements
     Sample(SampleArguments),
     /// Compute the paper's point estimate by nonlinear least squares, with standard errors
-    Fit(FitArguments),
+    Fit(ModelArguments),
     /// Run full finite elements: a trajectory in the experiment's format, and fields for ParaView
     Simulate(SimulateArguments),
     /// Draw a corner plot of one or several posteriors
     Corner(CornerArguments),
     /// List the physical effects of the library, and their detectability in this experiment
-    Effects(EffectsArguments),
+    Effects(ModelArguments),
     /// Test the residuals for misfits: where does the model fail?
     Compare(CompareArguments),
     /// Find missing physical effects: refit every candidate effect and test it on the last held-out cycle, for one record or a cohort

@@ -9,15 +9,9 @@ use vitreo_uq::sampling::SamplerOptions;
 
 use crate::report::PageArguments;
 
-/// Options that most commands share.
+/// Options of the output, the random numbers and the threads.
 #[derive(Args, Clone)]
-pub struct Common {
-    /// Experiment (a directory with experiment.toml, or that file) or study [default: the embedded porcine replica]
-    #[arg(value_name = "EXPERIMENT|STUDY")]
-    pub target: Option<PathBuf>,
-    /// Study directory [default: vitreo-uq-out/<specimen id>]
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
+pub struct OutputOptions {
     /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
@@ -30,6 +24,19 @@ pub struct Common {
     /// Do not show progress on standard error
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// Options that most commands share.
+#[derive(Args, Clone)]
+pub struct Common {
+    /// Experiment (a directory with experiment.toml, or that file) or study [default: the embedded porcine replica]
+    #[arg(value_name = "EXPERIMENT|STUDY")]
+    pub target: Option<PathBuf>,
+    /// Study directory [default: vitreo-uq-out/<specimen id>]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: OutputOptions,
     /// Replace a study or revision that was made from another input or model
     #[arg(long)]
     pub force: bool,
@@ -82,6 +89,17 @@ impl ModelOptions {
     }
 }
 
+/// Options of the sampler.
+#[derive(Args)]
+pub struct Walkers {
+    /// Number of walkers of each of the independent ensembles
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
+    pub chains: usize,
+    /// Maximum number of steps of each walker
+    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
+    pub steps: u64,
+}
+
 /// Arguments of `sample`.
 #[derive(Args)]
 pub struct SampleArguments {
@@ -94,20 +112,16 @@ pub struct SampleArguments {
     pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Number of walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
-    pub chains: usize,
-    /// Maximum number of steps of each walker
-    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
-    pub steps: u64,
+    #[command(flatten)]
+    pub walkers: Walkers,
     /// Continue an interrupted run of the same command
     #[arg(long)]
     pub resume: bool,
 }
 
-/// Arguments of `fit`.
+/// Arguments of `fit` and `effects`.
 #[derive(Args)]
-pub struct FitArguments {
+pub struct ModelArguments {
     #[command(flatten)]
     pub common: Common,
     #[command(flatten)]
@@ -141,15 +155,6 @@ pub enum Scheme {
     Midpoint,
     /// Implicit Runge-Kutta of fifth order, for any model
     Radau,
-}
-
-/// Arguments of `effects`.
-#[derive(Args)]
-pub struct EffectsArguments {
-    #[command(flatten)]
-    pub common: Common,
-    #[command(flatten)]
-    pub model: ModelOptions,
 }
 
 /// Arguments of `compare`.
@@ -236,12 +241,8 @@ pub struct ExtendArguments {
     pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Number of walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
-    pub chains: usize,
-    /// Maximum number of steps of each walker
-    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
-    pub steps: u64,
+    #[command(flatten)]
+    pub walkers: Walkers,
 }
 
 /// Arguments of `ladder`.
@@ -253,12 +254,8 @@ pub struct LadderArguments {
     pub model: ModelOptions,
     #[command(flatten)]
     pub page: PageArguments,
-    /// Number of walkers of each of the independent ensembles
-    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().n_walkers, allow_negative_numbers = true)]
-    pub chains: usize,
-    /// Maximum number of steps of each walker
-    #[arg(long, value_name = "N", default_value_t = SamplerOptions::default().max_steps, allow_negative_numbers = true)]
-    pub steps: u64,
+    #[command(flatten)]
+    pub walkers: Walkers,
 }
 
 /// Arguments of `corner`.

@@ -13,7 +13,7 @@ use vitreo_uq::jobs::prediction::{GelPlace, is_groups};
 use vitreo_uq::posterior::study::Study;
 use vitreo_uq::sampling::SamplerOptions;
 
-use crate::options::{Common, ModelOptions};
+use crate::options::{Common, ModelOptions, OutputOptions};
 use crate::report::PageArguments;
 use crate::session::Session;
 use crate::text::{significant, warning_text};
@@ -27,18 +27,8 @@ pub struct GelArguments {
     /// Directory of the study, or of the results for a group or a prior [default: vitreo-uq-out/<specimen id>; for a group, its own]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
-    #[arg(long, value_name = "FILE|-")]
-    json: Option<PathBuf>,
-    /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
-    pub seed: u64,
-    /// Number of threads; 0 for as many as there are cores
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    threads: usize,
-    /// Do not show progress on standard error
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    pub output: OutputOptions,
     /// Use this revision of the study [default: the last]
     #[arg(long, value_name = "REV")]
     from: Option<String>,
@@ -58,9 +48,7 @@ pub struct GelArguments {
 impl GelArguments {
     /// Options that every command has.
     pub fn common(&self) -> Common {
-        let Self { target, out, json, seed, threads, quiet, .. } = self;
-        let (target, out, json) = (target.clone(), out.clone(), json.clone());
-        Common { target, out, json, seed: *seed, threads: *threads, quiet: *quiet, force: false }
+        Common { target: self.target.clone(), out: self.out.clone(), output: self.output.clone(), force: false }
     }
 
     /// Opens the source of the gel's parameters, and passes it to `run`.

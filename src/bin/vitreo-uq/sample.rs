@@ -12,7 +12,7 @@ use crate::text;
 
 pub fn run(arguments: &SampleArguments) -> Result<ExitCode> {
     let session = Session::begin(&arguments.common)?;
-    let sampler = session.sampler(arguments.chains, arguments.steps);
+    let sampler = session.sampler(&arguments.walkers);
     let request = SampleRequest { sampler, resume: arguments.resume };
     let target =
         session.open_first(&arguments.model, &arguments.others, &[TargetKind::Joint, TargetKind::Oscillation])?;

@@ -27,7 +27,7 @@ use vitreo_uq::posterior::prepared::{PreparedModel, Verification};
 
 use crate::guard::{Guard, guard};
 use crate::interrupt::print_message;
-use crate::options::{self, Common, ModelOptions};
+use crate::options::{self, Common, ModelOptions, OutputOptions};
 use crate::session::target_request;
 use crate::terminal::Terminal;
 use crate::text::significant;
@@ -62,8 +62,8 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
     let threads = options::use_threads(arguments.threads)?;
     let (listener, address) = http::listen(arguments.host, &[arguments.port])?;
     let terminal = Terminal::new(arguments.quiet);
-    let (target, quiet) = (arguments.target.clone(), arguments.quiet);
-    let common = Common { target, out: None, json: None, seed: 1, threads, quiet, force: false };
+    let output = OutputOptions { json: None, seed: 1, threads, quiet: arguments.quiet };
+    let common = Common { target: arguments.target.clone(), out: None, output, force: false };
     let mut target = CreepTarget::open(target_request(&common, &arguments.model, &[]), None, &terminal)?;
     target.check(&terminal)?;
     let revision = match (&arguments.model.from, target.existing_study()) {
@@ -82,7 +82,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode> {
         terminal.warn(&format!("{text}\n  what to do: {advice}"));
     }
     output::print(&format!("http://{address}\n"))?;
-    if !quiet {
+    if !arguments.quiet {
         output::print(&words(model, &models, check))?;
         if !address.ip().is_loopback() {
             print_message("note: other machines can reach these models and use this machine's processors");

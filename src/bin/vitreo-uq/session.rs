@@ -12,7 +12,7 @@ use vitreo_uq::jobs::target::{ModelRequest, Target, TargetKind, TargetRequest};
 use vitreo_uq::posterior::mechanics::MeshFile;
 use vitreo_uq::sampling::SamplerOptions;
 
-use crate::options::{self, Common, ModelOptions};
+use crate::options::{self, Common, ModelOptions, Walkers};
 use crate::report::PageArguments;
 use crate::terminal::Terminal;
 
@@ -30,14 +30,14 @@ impl<'a> Session<'a> {
     /// Begins a command: checks that the JSON document can be written, and sets the number of threads.
     pub fn begin(common: &'a Common) -> Result<Self> {
         let began = Instant::now();
-        let threads = options::use_threads(common.threads)?;
-        crate::output::check(common.json.as_deref())?;
-        Ok(Self { began, common, threads, terminal: Terminal::new(common.quiet) })
+        let threads = options::use_threads(common.output.threads)?;
+        crate::output::check(common.output.json.as_deref())?;
+        Ok(Self { began, common, threads, terminal: Terminal::new(common.output.quiet) })
     }
 
     /// Sampler settings of a command that has no options for chains and steps.
     pub fn default_sampler(&self) -> SamplerOptions {
-        options::default_sampler(self.common.seed, self.threads)
+        options::default_sampler(self.common.output.seed, self.threads)
     }
 
     /// Opens the target of the command. `taken` lists the kinds of targets that the command accepts in addition to a creep record.
@@ -51,8 +51,8 @@ impl<'a> Session<'a> {
     }
 
     /// Sampler settings of a command that has options for chains and steps.
-    pub fn sampler(&self, chains: usize, steps: u64) -> SamplerOptions {
-        options::sampler(chains, steps, self.common.seed, self.threads)
+    pub fn sampler(&self, walkers: &Walkers) -> SamplerOptions {
+        options::sampler(walkers.chains, walkers.steps, self.common.output.seed, self.threads)
     }
 
     /// Returns the kind of the target, such as a creep record or an oscillation. `taken` lists the kinds that the command accepts in addition to a creep
@@ -72,7 +72,7 @@ impl<'a> Session<'a> {
         self.show(&outcome.document, words)?;
         self.say(&format!("{label}: {} ({:.1} s)", outcome.written.display(), self.began.elapsed().as_secs_f64()));
         if let Some(study) = &outcome.study {
-            crate::report::update_page(study, page, self.common.quiet);
+            crate::report::update_page(study, page, self.common.output.quiet);
         }
         Ok(ExitCode::from(u8::from(!outcome.is_sound)))
     }
@@ -80,12 +80,12 @@ impl<'a> Session<'a> {
     /// Ends the progress display. Then prints the text, and prints or writes the document.
     pub fn show(&self, document: &impl Serialize, words: &str) -> Result<()> {
         self.terminal.finish();
-        crate::output::show(self.common.json.as_deref(), document, words)
+        crate::output::show(self.common.output.json.as_deref(), document, words)
     }
 
     /// Prints a message on standard error, unless `--quiet` is given.
     pub fn say(&self, text: &str) {
-        if !self.common.quiet {
+        if !self.common.output.quiet {
             crate::interrupt::print_message(text);
         }
     }

@@ -21,7 +21,7 @@ use vitreo_uq::prediction::shapes::job::{self, ShapesRequest};
 use vitreo_uq::prediction::shapes::summary::summarise;
 use vitreo_uq::record::{Apparatus, RobotShape, Vitreous};
 
-use crate::options::{Common, ModelOptions};
+use crate::options::{Common, ModelOptions, OutputOptions};
 use crate::report::PageArguments;
 use crate::session::{RESULTS, Session};
 use crate::shapes_words;
@@ -35,18 +35,8 @@ pub struct ShapesArguments {
     /// Study directory [default: vitreo-uq-out/<specimen id>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write the result as one JSON document to a file, or with `-` to standard output in place of the text
-    #[arg(long, value_name = "FILE|-")]
-    json: Option<PathBuf>,
-    /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
-    seed: u64,
-    /// Number of threads; 0 for as many as there are cores
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    threads: usize,
-    /// Do not show progress on standard error
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    output: OutputOptions,
     #[command(flatten)]
     model: ModelOptions,
     /// Aspect ratios, separated by commas: length to diameter of cylinders, long to short semi-axis of ellipsoids; the study uses the first and compares the others
@@ -67,8 +57,7 @@ impl ShapesArguments {
     /// Converts the arguments to the options that every command has. A number after `--force` is refused, because the user may mean `--force-un`. Any other
     /// text after it is taken as the target.
     fn common(&self) -> Result<Common> {
-        let Self { target, out, json, seed, threads, quiet, .. } = self;
-        let (mut target, out, json) = (target.clone(), out.clone(), json.clone());
+        let mut target = self.target.clone();
         if let Some(Some(text)) = &self.force {
             if target.is_some() || text.split(',').all(|part| part.trim().parse::<f64>().is_ok()) {
                 return Err(Error::input(
@@ -81,7 +70,7 @@ impl ShapesArguments {
             }
             target = Some(PathBuf::from(text));
         }
-        Ok(Common { target, out, json, seed: *seed, threads: *threads, quiet: *quiet, force: self.force.is_some() })
+        Ok(Common { target, out: self.out.clone(), output: self.output.clone(), force: self.force.is_some() })
     }
 }
 
@@ -105,7 +94,7 @@ pub fn run(arguments: &ShapesArguments) -> Result<ExitCode> {
     let is_sound = !summary.warnings.iter().any(|warning| warning.kind.is_fatal());
     summary.warnings.extend(of_mesh);
     terminal.stage("writing results and figures");
-    let provenance = revision.provenance("shapes", common.seed);
+    let provenance = revision.provenance("shapes", common.output.seed);
     let written = artefacts::write(&revision.study, &found, &summary, provenance.clone())?;
     let document = WithProvenance { provenance, body: summary };
     let words = shapes_words::words(&document.body);
@@ -169,7 +158,7 @@ fn request<'a>(arguments: &ShapesArguments, revision: &'a Revision) -> Result<(S
         force_n: arguments.force_un.first().map_or(amplitude, |force| 1e-6 * force),
         hold_s: HOLD_S,
         finite_law: finite_law(revision, &draws),
-        gel: Gel { problem: &revision.problem, draws, is_taught: true, seed: arguments.seed },
+        gel: Gel { problem: &revision.problem, draws, is_taught: true, seed: arguments.output.seed },
         own_mesh,
     };
     Ok((request, warnings))

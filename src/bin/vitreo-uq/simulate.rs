@@ -57,7 +57,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode> {
     let simulation = simulate::run(&problem, &request, has_mesh_file, terminal)?;
     terminal.stage("writing trajectory and fields");
     let document =
-        WithProvenance { provenance: study.provenance("simulation", 1, common.seed), body: &simulation.summary };
+        WithProvenance { provenance: study.provenance("simulation", 1, common.output.seed), body: &simulation.summary };
     let stages: BTreeMap<&str, f64> = simulation.timing_s.iter().map(|(stage, s)| (stage.as_str(), *s)).collect();
     let timing = serde_json::json!({ "schema": "vitreo-uq/timing/1", "wall_s": stages });
     let written = writer.publish("simulation.json", &document, |dir| {
