@@ -24,14 +24,12 @@ const PARAMETERS: &[EffectParameter] = &[
         null: &|_| Some(0.0),
         prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 * scales.position_range_m.max(1e-9) },
         prior_source: "chosen: a tenth of the range of positions",
-        finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new("thermal-drift.time_s", "τ", "s", Support::POSITIVE),
         null: &|_| None,
         prior: &|scales| Distribution::LogNormal { median: scales.duration_s, log_sd: 1.0 },
         prior_source: "chosen: about as long as the record",
-        finite_step: None,
     },
 ];
 

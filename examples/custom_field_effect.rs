@@ -31,7 +31,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|_| Distribution::HalfNormal { sd: 2.0 },
     prior_source: "chosen: up to some times as stiff",
-    finite_step: None,
 }];
 
 /// Returns the element with the modulus of every spring multiplied by `factor`. Other elements stay unchanged.

@@ -208,13 +208,12 @@ fn nulls_lie_where_the_prior_has_mass_nearby() {
             }
             let nulls: Vec<Option<f64>> = effect.parameters().iter().map(|p| (p.null)(&scales)).collect();
             assert!(nulls.iter().any(Option::is_some), "{} cannot be turned off", effect.slug());
-            for (EffectParameter { spec, prior, finite_step, .. }, null) in effect.parameters().iter().zip(nulls) {
+            for (EffectParameter { spec, prior, .. }, null) in effect.parameters().iter().zip(nulls) {
                 let Some(null) = null else { continue };
                 assert!(spec.support.contains(null), "{}: {null}", spec.name);
                 let density = prior(&scales).ln_pdf(null);
                 assert!(density.is_finite(), "{}: {null} has no prior density at {scales:?}", spec.name);
-                if let Some(step) = finite_step {
-                    let step = step(&scales);
+                if let Some(step) = effect.finite_step(&scales) {
                     assert!(step != 0.0 && spec.support.contains(null + step), "{}: {step}", spec.name);
                 }
             }

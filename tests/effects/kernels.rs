@@ -386,7 +386,7 @@ fn sensitivities_agree_with_finite_differences() {
                 assert!(at_null.iter().all(|slope| *slope == 0.0), "{name}");
                 continue;
             }
-            if parameter.finite_step.is_some() {
+            if effect.finite_step(&protocol.scales).is_some() {
                 let error = forward.derivative_m(&null, index).expect_err("a derivative would do").to_string();
                 assert!(error.contains("finite difference"), "{name}: {error}");
                 continue;
@@ -413,7 +413,7 @@ fn sensitivities_agree_with_finite_differences() {
 fn finite_steps_are_near_their_limit() {
     let protocol = protocol();
     for &effect in EFFECTS {
-        let Some(step) = effect.parameters().first().and_then(|p| p.finite_step) else { continue };
+        let Some(step) = effect.finite_step(&protocol.scales) else { continue };
         let model = model(&[effect], protocol.scales).expect("an effect alone is a model");
         let forward = reduced(&model, &protocol);
         let null = null_of(&model);
@@ -424,7 +424,7 @@ fn finite_steps_are_near_their_limit() {
             let there = forward.trajectory_m(&parameters).expect("a model");
             here.iter().zip(&there).map(|(a, b)| (b - a) / step).collect()
         };
-        let (taken, limit) = (quotient(step(&protocol.scales)), quotient(1e-3 * step(&protocol.scales)));
+        let (taken, limit) = (quotient(step), quotient(1e-3 * step));
         assert!(distance(&taken, &limit) < 0.05, "{}: {:e}", effect.slug(), distance(&taken, &limit));
     }
 }

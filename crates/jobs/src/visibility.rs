@@ -278,12 +278,10 @@ fn signatures(effect: &dyn Effect, forward: &SurrogateForward, base: &Base) -> R
             .map(|p| (p.null)(scales).unwrap_or_else(|| (p.prior)(scales).quantile(*probability)));
         let mut parameters = base.parameters.clone();
         parameters.splice(first..first, values);
-        let finite_step = effect_parameters.first().and_then(|p| p.finite_step);
-        list.push(match (effect.signature_size(scales), finite_step) {
+        list.push(match (effect.signature_size(scales), effect.finite_step(scales)) {
             (Some(size), _) => finite(forward, base, parameters, first, size)?,
             (None, None) => Signature::derivative(forward.derivative_m(&parameters, first)?),
             (None, Some(step)) => {
-                let step = step(scales);
                 let here = forward.trajectory_m(&parameters)?;
                 parameters[first] += step;
                 let there = forward.trajectory_m(&parameters)?;

@@ -44,7 +44,6 @@ pub fn creep(subject: &Subject) -> Option<&'static Creep> {
         null: &|_| Some(0.0),
         prior: &|_| Distribution::HalfNormal { sd: 1.0 },
         prior_source: "a spectrum about zero",
-        finite_step: None,
     };
     let parameters = Box::leak((0..n).map(parameter).collect::<Vec<_>>().into_boxed_slice());
     Some(Box::leak(Box::new(Creep { times_s, parameters })))

@@ -155,7 +155,6 @@ fn effect(
         null: &|_| Some(0.0),
         prior,
         prior_source: "smooth functions about zero",
-        finite_step: None,
     };
     // Names of effects live until the program ends; a command makes only some dozens.
     Box::leak(Box::new(StateEffect {

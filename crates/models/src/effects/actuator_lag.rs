@@ -24,7 +24,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
     prior_source: "chosen: two sample intervals, or a twentieth of a hold if that is more",
-    finite_step: Some(&|scales| STEP * scales.sample_interval_s),
 }];
 
 /// Effect `actuator-lag`: the force approaches its commanded value exponentially.
@@ -39,6 +38,9 @@ impl Effect for ActuatorLag {
             equation: "τ dF/dt = F_in − F",
             parameters: PARAMETERS,
         }
+    }
+    fn finite_step(&self, scales: &CharacteristicSizes) -> Option<f64> {
+        Some(STEP * scales.sample_interval_s)
     }
     fn apply(&self, parameters: &[Dual], _scales: &CharacteristicSizes, stages: &mut Stages) -> Result<()> {
         stages.load.lag_time_s += parameters[0];
@@ -62,7 +64,7 @@ mod tests {
     /// without a lag. With a lag time τ it moves by (F/c)(t − τ(1 − e^{−t/τ})). The derivative by τ at τ = 0 is −F/c at every t > 0.
     #[test]
     fn the_finite_step_gives_the_one_sided_derivative_at_the_first_row_after_a_switch() {
-        let step_s = (PARAMETERS[0].finite_step.unwrap())(&SCALES);
+        let step_s = ActuatorLag.finite_step(&SCALES).unwrap();
         let flow = |lag_s: f64, t: f64| t + lag_s * (-t / lag_s).exp_m1();
         let first_row_s = SCALES.sample_interval_s;
         let quotient = (flow(step_s, first_row_s) - first_row_s) / step_s;

@@ -16,7 +16,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: (2.0 * scales.sample_interval_s).max(0.05 * scales.hold_s) },
     prior_source: "chosen: two sample intervals, or a twentieth of a hold if that is more",
-    finite_step: None,
 }];
 
 /// Effect `clock-offset`: the force acts later than the log says.

@@ -33,7 +33,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|scales| scales.poisson_ratio,
     prior: &prior,
     prior_source: "chosen: from a drained gel, 0.3, to a nearly incompressible one, 0.499, and around the experiment's ratio",
-    finite_step: None,
 }];
 
 /// Effect `compressibility`: the gel's Poisson ratio differs from the one in the experiment's file.

@@ -18,7 +18,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     // The standard deviation of a beta distribution on [−1, 1] with two equal shape parameters α is 1/√(2α + 1).
     prior: &|_| Distribution::Beta { alpha: 12.0, beta: 12.0, lower: -1.0, upper: 1.0 },
     prior_source: "chosen: symmetric, standard deviation one fifth; coils calibrated against each other agree within some per cent",
-    finite_step: None,
 }];
 
 /// Effect `force-asymmetry`: negative forces are larger than the log says.

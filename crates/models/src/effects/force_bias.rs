@@ -17,7 +17,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|_| Distribution::Normal { mean: 0.0, sd: 0.1 },
     prior_source: "chosen: symmetric, a tenth of the largest commanded force",
-    finite_step: None,
 }];
 
 /// Effect `force-bias`: a constant force acts in addition to the commanded one.

@@ -18,7 +18,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 / position_range_m(scales) },
     prior_source: "chosen: symmetric, a change of the force by a tenth over the range of positions",
-    finite_step: None,
 }];
 
 /// Effect `force-gradient`: the force depends on the robot's position.

@@ -28,7 +28,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(1.0),
     prior: &|_| Distribution::Beta { alpha: 2.0, beta: 1.0, lower: SMALLEST_ORDER, upper: 1.0 },
     prior_source: "chosen: density rising in proportion from the smallest order to the dashpot",
-    finite_step: None,
 }];
 
 /// Effect `fractional-damping`: the gel's damping has a spectrum of retardation times.

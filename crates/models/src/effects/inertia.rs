@@ -33,7 +33,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|_| Distribution::HalfNormal { sd: 1.0 },
     prior_source: "chosen: 1 is the density of the experiment",
-    finite_step: None,
 }];
 
 /// Effect `inertia`: the gel and the robot have mass.

@@ -22,7 +22,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|_| Distribution::HalfNormal { sd: 0.2 },
     prior_source: "chosen: the jump is up to some tenths of the delayed elastic displacement",
-    finite_step: None,
 }];
 
 /// Effect `instantaneous-elasticity`: the gel has an instantaneous elastic response before it creeps.

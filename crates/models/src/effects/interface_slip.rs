@@ -42,7 +42,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: 2.0 * scale_m_per_pa_s(scales) },
     prior_source: "chosen: slip lengths up to a few radii, at the viscosity estimated from the largest force and the displacement in a hold",
-    finite_step: None,
 }];
 
 /// Effect `interface-slip`: the gel slips along the robot's surface.

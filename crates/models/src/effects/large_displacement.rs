@@ -33,14 +33,12 @@ const PARAMETERS: &[EffectParameter] = &[
         null: &|_| Some(0.0),
         prior: &|_| Distribution::HalfNormal { sd: 1.0 },
         prior_source: "chosen: the actual geometry, 1, is one standard deviation",
-        finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new(MOBILITY, "α", "1", Support { lower: 0.0, upper: 0.5 }).optional(),
         null: &|_| Some(0.0),
         prior: &|_| Distribution::Beta { alpha: 1.0, beta: 9.0, lower: 0.0, upper: 0.5 },
         prior_source: "chosen: most likely 0, with mean 0.05",
-        finite_step: None,
     },
 ];
 

@@ -45,7 +45,6 @@ const PARAMETERS: &[EffectParameter] = &[
         null: &|_| Some(0.0),
         prior: &|_| Distribution::Uniform { lower: 0.0, upper: 1.0 },
         prior_source: "chosen: any loss is equally likely",
-        finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new(
@@ -57,7 +56,6 @@ const PARAMETERS: &[EffectParameter] = &[
         null: &|_| None,
         prior: &|_| Distribution::LogUniform { lower: RADIUS_RATIOS[0], upper: RADIUS_RATIOS[1] },
         prior_source: "chosen: any radius that can be meshed is equally likely",
-        finite_step: None,
     },
 ];
 

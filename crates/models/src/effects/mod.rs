@@ -144,9 +144,6 @@ pub struct EffectParameter {
     pub prior: &'static ScaleFunction<Distribution>,
     /// Source of the numbers in the default prior.
     pub prior_source: &'static str,
-    /// Step from the null by which the effect's signature (the change of the trajectory that it causes) is computed. The step is needed if
-    /// the derivative at the null vanishes, jumps or cannot be computed. `None` if the signature is this derivative.
-    pub finite_step: Option<&'static ScaleFunction<f64>>,
 }
 
 impl std::fmt::Debug for EffectParameter {
@@ -207,6 +204,11 @@ pub trait Effect: Sync {
     /// given if a small effect is to first order equivalent to a change of the law's parameters; `None` for other effects. The signature is
     /// then the residual of the best fit by the law's parameters, which grows with the square of the value.
     fn signature_size(&self, _scales: &CharacteristicSizes) -> Option<f64> {
+        None
+    }
+    /// Step of the first parameter from its null by which the effect's signature (the change of the trajectory that it causes) is computed. The
+    /// step is needed if the derivative at the null vanishes, jumps or cannot be computed. `None` if the signature is this derivative.
+    fn finite_step(&self, _scales: &CharacteristicSizes) -> Option<f64> {
         None
     }
     /// Returns `true` if the effect depends on the robot's position. The position must then be linear in the force.

@@ -41,7 +41,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: 0.1 * scale_m_per_pa(scales) },
     prior_source: "chosen: the largest force moves the whole gel by up to two tenths of the robot's displacement",
-    finite_step: None,
 }];
 
 /// Effect `outer-wall-compliance`: the gel's outer surface is compliant.

@@ -43,7 +43,6 @@ const PARAMETERS: &[EffectParameter] = &[
         null: &|_| Some(0.0),
         prior: &|scales| Distribution::HalfNormal { sd: 2.0 * scale_m2_per_pa_s(scales) },
         prior_source: "chosen: pressure spreads over up to a few radii in a hold",
-        finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new(
@@ -58,7 +57,6 @@ const PARAMETERS: &[EffectParameter] = &[
             Distribution::Uniform { lower, upper }
         },
         prior_source: "chosen: from a network without lateral expansion to one hardly more compressible than the gel",
-        finite_step: None,
     },
 ];
 

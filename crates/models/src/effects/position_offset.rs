@@ -20,7 +20,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: position_range_m(scales) },
     prior_source: "chosen: symmetric, as large as the range of positions",
-    finite_step: None,
 }];
 
 /// Nuisance `position-offset`: the zero of the position is unknown.

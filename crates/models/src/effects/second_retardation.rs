@@ -28,7 +28,6 @@ const PARAMETERS: &[EffectParameter] = &[
         null: &|_| Some(0.0),
         prior: &|_| Distribution::HalfNormal { sd: 0.5 },
         prior_source: "chosen: the second part's compliance is at most about that of the first part",
-        finite_step: None,
     },
     EffectParameter {
         spec: ParameterSpec::new("second-retardation.time_s", "τ₂", "s", Support::POSITIVE),
@@ -38,7 +37,6 @@ const PARAMETERS: &[EffectParameter] = &[
             Distribution::LogUniform { lower, upper: scales.duration_s.max(2.0 * lower) }
         },
         prior_source: "chosen: any time from two sample intervals to the duration of the record",
-        finite_step: None,
     },
 ];
 

@@ -25,7 +25,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(1.0),
     prior: &|_| Distribution::Uniform { lower: SMALLEST_INDEX, upper: 1.0 },
     prior_source: "chosen: from the linear fluid to one that flows more than twice as fast at 1.3 times the force",
-    finite_step: None,
 }];
 
 /// Effect `shear-thinning`: the gel flows more easily under higher stress.

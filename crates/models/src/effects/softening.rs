@@ -19,7 +19,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.5 / scales.duration_s },
     prior_source: "chosen: symmetric; two standard deviations mean that the stiffness falls to about a third over the record, or triples",
-    finite_step: None,
 }];
 
 /// Effect `softening`: the gel grows softer, or sets, during the measurement.

@@ -27,7 +27,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: typical_strain(scales).powi(-2) },
     prior_source: "chosen: twice as stiff at a strain of half the range of positions over the robot's radius",
-    finite_step: None,
 }];
 
 /// Effect `strain-stiffening`: the gel stiffens with strain.

@@ -17,7 +17,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::Normal { mean: 0.0, sd: 0.1 * position_range_m(scales) / scales.duration_s },
     prior_source: "chosen: symmetric, a tenth of the range of positions over the record",
-    finite_step: None,
 }];
 
 /// Effect `tracking-drift`: the camera or the stage drifts relative to the gel.

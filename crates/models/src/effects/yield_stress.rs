@@ -27,7 +27,6 @@ const PARAMETERS: &[EffectParameter] = &[EffectParameter {
     null: &|_| Some(0.0),
     prior: &|scales| Distribution::HalfNormal { sd: 0.5 * reference_stress_pa(scales) },
     prior_source: "chosen: half of the largest force over the robot's surface",
-    finite_step: Some(&|scales| FINITE_STEP * reference_stress_pa(scales)),
 }];
 
 /// Effect `yield-stress`: the gel flows only above a yield stress.
@@ -45,6 +44,9 @@ impl Effect for YieldStress {
     }
     fn field(&self) -> Option<FieldEffect> {
         Some(FieldEffect::Nonlinear(NonlinearFamily::YieldStress))
+    }
+    fn finite_step(&self, scales: &CharacteristicSizes) -> Option<f64> {
+        Some(FINITE_STEP * reference_stress_pa(scales))
     }
     fn conflict(&self, base: &BaseLaw) -> Option<&'static str> {
         nonlinear_conflict(base)

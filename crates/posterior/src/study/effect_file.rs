@@ -213,7 +213,6 @@ fn parameter(all: &TomlTable<'_>, name: &str, slug: &str) -> Result<EffectParame
         null: leaked_of_scales(null),
         prior: leaked_of_scales(distribution),
         prior_source: leak(source),
-        finite_step: None,
     })
 }
 
