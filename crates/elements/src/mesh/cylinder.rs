@@ -15,6 +15,7 @@ use std::ops::RangeInclusive;
 
 use super::Mesh;
 use super::box_surface::{BoxSurface, layers_per_level, long_axis};
+use super::spheroid::check_aspect;
 use base::error::{Error, Result, Setting};
 use record::Orientation;
 
@@ -87,17 +88,7 @@ impl Cylinder {
     }
 
     fn check(&self) -> Result<()> {
-        let aspect = self.length_m / self.diameter_m;
-        if !(self.diameter_m > 0.0 && Self::ASPECTS.contains(&aspect)) {
-            return Err(Error::numerical(
-                format!(
-                    "built-in meshes exist for cylinders from {} to {} times as long as wide; this one is {aspect:.3} times as long",
-                    Self::ASPECTS.start(),
-                    Self::ASPECTS.end()
-                ),
-                format!("check the robot's length and diameter, or use a Gmsh mesh with `{} FILE.msh`", Setting::Mesh),
-            ));
-        }
+        check_aspect("cylinders", self.length_m, self.diameter_m, &Self::ASPECTS)?;
         let reach = self.length_m.hypot(self.diameter_m) / (2.0 * self.outer_radius_m);
         if !(reach <= Self::LARGEST_REACH && self.outer_radius_m.is_finite() && self.level > 0) {
             return Err(Error::numerical(

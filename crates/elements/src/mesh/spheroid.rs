@@ -51,17 +51,7 @@ impl Spheroid {
     }
 
     fn check(&self) -> Result<()> {
-        let aspect = self.length_m / self.diameter_m;
-        if !(self.diameter_m > 0.0 && Self::ASPECTS.contains(&aspect)) {
-            return Err(Error::numerical(
-                format!(
-                    "built-in meshes exist for spheroids from {} to {} times as long as wide; this one is {aspect:.3} times as long",
-                    Self::ASPECTS.start(),
-                    Self::ASPECTS.end()
-                ),
-                format!("check the robot's length and diameter, or use a Gmsh mesh with `{} FILE.msh`", Setting::Mesh),
-            ));
-        }
+        check_aspect("spheroids", self.length_m, self.diameter_m, &Self::ASPECTS)?;
         let is_inside = 0.5 * self.length_m < self.outer_radius_m && self.outer_radius_m.is_finite();
         if !is_inside || self.level == 0 {
             return Err(Error::numerical(
@@ -93,4 +83,19 @@ impl Spheroid {
         };
         (0..=last).map(sheet).collect()
     }
+}
+/// Refuses a body that is too short or too long for its width. `bodies` names its shape.
+pub(super) fn check_aspect(bodies: &str, length_m: f64, diameter_m: f64, allowed: &RangeInclusive<f64>) -> Result<()> {
+    let aspect = length_m / diameter_m;
+    if diameter_m > 0.0 && allowed.contains(&aspect) {
+        return Ok(());
+    }
+    Err(Error::numerical(
+        format!(
+            "built-in meshes exist for {bodies} from {} to {} times as long as wide; this one is {aspect:.3} times as long",
+            allowed.start(),
+            allowed.end()
+        ),
+        format!("check the robot's length and diameter, or use a Gmsh mesh with `{} FILE.msh`", Setting::Mesh),
+    ))
 }

@@ -10,6 +10,7 @@ use super::stages::{DIAGONAL, N_STAGES, predict};
 use super::steps::{Grading, Resolution};
 use super::{ChainLaw, ChainPart, StageSolve, StageWeights, TransientSystem};
 use crate::fe::clock::{CLOCK_ROUNDING, FOURTH};
+use crate::fe::stepping::run::gap_s;
 use base::error::{Error, Result};
 use laws::stages::Switch;
 
@@ -116,15 +117,6 @@ pub fn unit_response(
         format!("the position {last_age_s} s after a change of the force is not finite"),
         "give parameters of moderate size",
     ))
-}
-
-/// Time (s) from switch `i` to the next row or switch that is later by more than rounding. Infinite
-/// if there is none.
-fn gap_s(time_s: &[f64], switches: &[Switch], i: usize, rounding_s: f64) -> f64 {
-    let after_s = switches[i].time_s + rounding_s;
-    let row_s = time_s.get(time_s.partition_point(|&t| t <= after_s)).copied().unwrap_or(f64::INFINITY);
-    let switch_s = switches[i..].iter().map(|switch| switch.time_s).find(|&t| t > after_s).unwrap_or(f64::INFINITY);
-    row_s.min(switch_s) - switches[i].time_s
 }
 
 /// Responses of the laws and factorised matrix for one step length. All stages of a step use them.
