@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use vitreo_uq::base::error::{Error, InputPlace, Result};
+use vitreo_uq::base::error::Result;
 use vitreo_uq::documents::design::{Design, DesignedDetection, FrontProtocol};
 use vitreo_uq::figures::labels::parameter_label;
 use vitreo_uq::jobs::design::{self, DesignGoal, DesignRequest, Unmeasured, run_before_measurement};
 
-use crate::options::{Common, ModelOptions};
+use crate::options::{Common, ModelOptions, positive};
 use crate::predict::warning_lines;
 use crate::report::PageArguments;
 use crate::session::{Session, target_request};
@@ -67,14 +67,6 @@ pub enum Goal {
 }
 
 pub fn run(arguments: &DesignArguments) -> Result<ExitCode> {
-    let positive = |option: &str, value: Option<f64>, largest: f64| match value {
-        Some(value) if !(value > 0.0 && value <= largest) => Err(Error::input(
-            InputPlace::default().at_key(option),
-            format!("{value}"),
-            format!("give a number above 0 and at most {largest}"),
-        )),
-        other => Ok(other),
-    };
     let budget_s = positive("--budget-s", arguments.budget_s, 864_000.0)?;
     let largest_force_un = positive("--max-force-un", arguments.max_force_un, 1e9)?;
     let largest_position_um = positive("--max-displacement-um", arguments.max_displacement_um, 1e9)?;

@@ -161,7 +161,7 @@ pub fn run(arguments: &GroupsArguments) -> Result<ExitCode> {
     let sampler = options::sampler(chains, steps, seed, threads);
     let terminal = Terminal::new(arguments.quiet);
     let measurements = arguments.cohort.read(&terminal)?;
-    let provenance = artefacts::provenance(&measurements, seed);
+    let provenance = artefacts::provenance_of("groups", &measurements, seed);
     artefacts::check_place(&arguments.out, &keys, &provenance, arguments.force)?;
     let request = GroupsRequest {
         keys: &keys,

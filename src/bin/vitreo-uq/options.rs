@@ -310,6 +310,18 @@ pub fn check_simulations(simulations: usize, fewest: usize) -> vitreo_uq::Result
     Err(Error::input(InputPlace::default().at_key("--simulations"), found, remedy))
 }
 
+/// The value of an option that must be above 0 and at most `largest`.
+pub fn positive(option: &str, value: Option<f64>, largest: f64) -> vitreo_uq::Result<Option<f64>> {
+    match value {
+        Some(value) if !(value > 0.0 && value <= largest) => Err(Error::input(
+            InputPlace::default().at_key(option),
+            format!("{value}"),
+            format!("give a number above 0 and at most {largest}"),
+        )),
+        other => Ok(other),
+    }
+}
+
 /// Sets the number of threads and returns it. The number 0 means the number in the environment variable `RAYON_NUM_THREADS`, or else all cores. More threads
 /// than cores are never used.
 pub fn use_threads(threads: usize) -> vitreo_uq::Result<usize> {

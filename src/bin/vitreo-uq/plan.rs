@@ -9,6 +9,7 @@ use vitreo_uq::jobs::prediction::plan::{self, PlanRequest};
 use vitreo_uq::prediction::plan::{Rest, Target};
 use vitreo_uq::prediction::robot_size::RobotSize;
 
+use crate::options::positive;
 use crate::predict::{GelArguments, scenario_lines, warning_lines};
 use crate::session::Session;
 use crate::text::significant;
@@ -72,18 +73,6 @@ pub fn run(arguments: &PlanArguments) -> Result<ExitCode> {
         )
     })?;
     session.end(&outcome, &words(&outcome.document.body), "Figure", &arguments.gel.page)
-}
-
-/// The value of an option that must be above 0 and at most `largest`.
-fn positive(option: &str, value: Option<f64>, largest: f64) -> Result<Option<f64>> {
-    match value {
-        Some(value) if !(value > 0.0 && value <= largest) => Err(Error::input(
-            InputPlace::default().at_key(option),
-            format!("{value}"),
-            format!("give a number above 0 and at most {largest}"),
-        )),
-        other => Ok(other),
-    }
 }
 
 fn size(arguments: &PlanArguments) -> Result<Option<RobotSize>> {
