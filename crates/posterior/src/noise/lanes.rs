@@ -85,37 +85,21 @@ impl<S: Simd> Register<S> {
     }
 }
 
-impl<S: Simd> Add for Register<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { value: self.simd.add_f64s(self.value, other.value), ..self }
-    }
+macro_rules! operator {
+    ($Trait:ident, $method:ident, $of_lanes:ident) => {
+        impl<S: Simd> $Trait for Register<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self { value: self.simd.$of_lanes(self.value, other.value), ..self }
+            }
+        }
+    };
 }
-
-impl<S: Simd> Sub for Register<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { value: self.simd.sub_f64s(self.value, other.value), ..self }
-    }
-}
-
-impl<S: Simd> Mul for Register<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self { value: self.simd.mul_f64s(self.value, other.value), ..self }
-    }
-}
-
-impl<S: Simd> Div for Register<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        Self { value: self.simd.div_f64s(self.value, other.value), ..self }
-    }
-}
+operator!(Add, add, add_f64s);
+operator!(Sub, sub, sub_f64s);
+operator!(Mul, mul, mul_f64s);
+operator!(Div, div, div_f64s);
 
 impl Register<pulp::Scalar> {
     /// Value of a scalar register, which has one lane.
