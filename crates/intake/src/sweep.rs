@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
-use std::fmt::Write as _;
 use std::path::Path;
 
 use super::numbers::numbers_of;
 use super::preamble::Preamble;
 use super::source::TableSource;
 use super::stress::{COMPLIANCE, MULTIAXIAL, UNIAXIAL, called};
+use super::toml::add_line;
 use base::error::{Error, InputPlace, Result, Setting};
 use base::toml_input::quoted;
 use base::units::Dimension;
@@ -307,11 +307,7 @@ pub(super) fn describe_sweep(
     refuse_unit_of_tangent(&source.place, looked, columns)?;
     let units = units_of(&source.place, looked, columns)?;
     let mut lines = String::from("# Description of the experiment: an oscillation of a rheometer.\n");
-    let mut line = |key: &str, value: String, comment: &str| {
-        let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
-        let end = if head.is_empty() { "" } else { "\n" };
-        let _ = writeln!(lines, "{head}{end}{:<36} # {comment}", format!("{key} = {value}"));
-    };
+    let mut line = |key: &str, value, comment: &str| add_line(&mut lines, key, value, comment);
     line("\n[specimen]\nid", quoted(id.unwrap_or(&stem)), "name of the specimen");
     let poisson = poisson_ratio.unwrap_or(0.5);
     line("\n[rheometer]\npoisson_ratio", format!("{poisson:?}"), "of the specimen; 0.5 if it is nearly all water");

@@ -21,6 +21,14 @@ fn column_name(column: &ColumnName) -> String {
     }
 }
 
+/// Adds a line with a comment to the text of an `experiment.toml`. TOML assigns a key to the nearest table header above it. A `key` that begins a new table
+/// therefore contains the header and a line break.
+pub(super) fn add_line(lines: &mut String, key: &str, value: String, comment: &str) {
+    let (head, key) = key.rsplit_once('\n').unwrap_or(("", key));
+    let end = if head.is_empty() { "" } else { "\n" };
+    let _ = writeln!(lines, "{head}{end}{:<36} # {comment}", format!("{key} = {value}"));
+}
+
 /// Makes the text of `experiment.toml`, with a comment on each line.
 pub(super) fn experiment_toml(
     request: &InitRequest,
@@ -37,12 +45,7 @@ pub(super) fn experiment_toml(
     let mut lines = String::from(
         "# Description of the experiment. Replace each \"?\" by a number: the program needs all of them to read the file.\n",
     );
-    // TOML assigns a key to the nearest table header above it. A `key` that begins a new table therefore contains the header and a line break.
-    let mut line = |key: &str, value: String, comment: &str| {
-        let (head, key) = key.rsplit_once('\n').map_or(("", key), |(head, key)| (head, key));
-        let end = if head.is_empty() { "" } else { "\n" };
-        let _ = writeln!(lines, "{head}{end}{:<36} # {comment}", format!("{key} = {value}"));
-    };
+    let mut line = |key: &str, value, comment: &str| add_line(&mut lines, key, value, comment);
     line(
         "\n[specimen]\nid",
         quoted(request.id.as_deref().unwrap_or(&stem)),
