@@ -21,13 +21,8 @@ pub fn folder_name(keys: &[Key]) -> String {
     keys.iter().map(|key| key.name()).collect::<Vec<&str>>().join("-")
 }
 
-/// Makes the header of the comparison's document, with the hash of each experiment.
-pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
-    provenance_of("groups", measurements, seed)
-}
-
 /// Makes the header of a document of the given kind, with the hash of each experiment.
-pub(super) fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
+pub fn provenance_of(kind: &str, measurements: &[Measurement], seed: u64) -> Provenance {
     let inputs: BTreeMap<String, String> = measurements
         .iter()
         .map(|measurement| (measurement.path.display().to_string(), measurement.inputs_sha256.clone()))

@@ -10,7 +10,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::artefacts::{provenance_of, refuse_other};
+use super::artefacts::refuse_other;
 use super::cohort::Measurement;
 use super::cohort_diagnosis::apparatus::Apparatuses;
 use super::cohort_diagnosis::job::{FEWEST_RECORDS, check_interrupt};
@@ -269,11 +269,6 @@ impl<'a> LearningRecords<'a> {
         };
         Outcome { learned, file: Some(formula.file) }
     }
-}
-
-/// Makes the header of the document, with the hash of each record.
-pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
-    provenance_of("learned-cohort", measurements, seed)
 }
 
 /// Refuses an output folder that holds a correction learned from other records.

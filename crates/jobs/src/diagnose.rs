@@ -2,6 +2,7 @@
 
 use base::error::{Error, InputPlace, Result};
 use base::files::write_json_atomically;
+use cohorts::artefacts::provenance_of;
 use cohorts::cohort::{Key, Measurement};
 use cohorts::cohort_diagnosis::artefacts as cohort_artefacts;
 use cohorts::cohort_diagnosis::job::{self as cohort_job, CohortRequest};
@@ -210,7 +211,7 @@ fn of_cohort(
     let measurements = cohort.measurements(&request.leave_out, monitor)?;
     let keys = if request.keys.is_empty() { default_keys(&measurements) } else { request.keys.clone() };
     let (out, seed) = (cohort.out(COHORT_OUT), request.sampler.seed);
-    let provenance = cohort_artefacts::provenance(&measurements, seed);
+    let provenance = provenance_of("cohort-diagnosis", &measurements, seed);
     cohort_artefacts::check_place(out, &provenance, cohort.request.replace_existing)?;
     let of_cohort = CohortRequest { keys, margin: request.margin, n_simulations: request.simulations, seed };
     let diagnosis = cohort_job::run(&measurements, &of_cohort, monitor)?;

@@ -3,6 +3,7 @@
 
 use base::error::{Error, InputPlace, Result, Setting};
 use base::files::{remove_if_there, write_atomically};
+use cohorts::artefacts::provenance_of;
 use cohorts::learnt;
 use criticism::Subject;
 use documents::learned::Learned;
@@ -105,7 +106,7 @@ fn of_cohort(cohort: &CohortTarget, request: &LearnRequest, monitor: &dyn Monito
     cohort.refuse_options_of_one(&[(Setting::FirstCycles, request.first_cycles.is_some())], "learn from")?;
     let measurements = cohort.measurements(&[], monitor)?;
     let out = cohort.out(COHORT_OUT);
-    let provenance = learnt::provenance(&measurements, request.sampler.seed);
+    let provenance = provenance_of("learned-cohort", &measurements, request.sampler.seed);
     learnt::check_place(out, &provenance, cohort.request.replace_existing)?;
     let found = learnt::run(&measurements, request.is_monotone, monitor)?;
     monitor.stage("writing results");

@@ -118,7 +118,7 @@ fn compared(
     let found = run_with(&measurements, vec![compliance; measurements.len()], &request, &SilentMonitor)
         .unwrap_or_else(|error| panic!("{what}: {error}"));
     let summary = summarise(&measurements, &found, &request).unwrap_or_else(|error| panic!("{what}: {error}"));
-    let provenance = artefacts::provenance(&measurements, 1);
+    let provenance = artefacts::provenance_of("groups", &measurements, 1);
     artefacts::write(dir.path(), request.keys, &found, &summary, provenance)
         .unwrap_or_else(|error| panic!("{what}: {error}"));
     check(&summary, specification.base.parameters(), &what);

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::artefacts::{provenance_of, refuse_other, table};
-use crate::cohort::Measurement;
+use crate::artefacts::{refuse_other, table};
 use base::error::{Error, Result, Setting};
 use base::files::{write_atomically, write_json_atomically};
 use documents::cohort::CohortDiagnosis;
@@ -19,11 +18,6 @@ const DOCUMENT: &str = "cohort-diagnosis.json";
 const TABLE: &str = "gains.csv";
 /// File name of the figure, without extension.
 const FIGURE: &str = "cohort";
-
-/// Makes the header of the document, with the hash of each record.
-pub fn provenance(measurements: &[Measurement], seed: u64) -> Provenance {
-    provenance_of("cohort-diagnosis", measurements, seed)
-}
 
 /// Refuses an output folder with a diagnosis of other records.
 ///
