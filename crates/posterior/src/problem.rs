@@ -145,14 +145,7 @@ impl Problem {
     pub fn with_positions(&self, position_m: Vec<Option<f64>>) -> Self {
         let mut experiment = self.experiment.clone();
         experiment.record.position_m = position_m;
-        Self {
-            experiment,
-            specification: self.specification.clone(),
-            model: self.model.clone(),
-            noise: self.noise,
-            priors: self.priors.clone(),
-            mechanics: self.mechanics.clone(),
-        }
+        Self { experiment, ..self.clone() }
     }
 
     /// Parameters of the model, then of the noise.
