@@ -8,7 +8,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::sync::Arc;
 use vitreo_uq::sampling::LogDensity;
 use vitreo_uq::sampling::ensemble::moves::{
-    DifferentialEvolution, Independence, Mixture, Move, Snooker, Stretch, WalkerPoints, default_move,
+    DifferentialEvolution, HalfStep, Independence, Mixture, Move, Snooker, Stretch, default_move,
 };
 use vitreo_uq::sampling::ensemble::{Ensemble, Kernel, RandomStream};
 use vitreo_uq::sampling::optimum::{Modes, Optimum};
@@ -141,16 +141,10 @@ impl Move for WithoutFactor {
     fn name(&self) -> String {
         format!("{} without its factor", self.0.name())
     }
-    fn propose(
-        &self,
-        moving: WalkerPoints,
-        complement: WalkerPoints,
-        shared: &mut RandomStream,
-        random_streams: &mut [RandomStream],
-        proposals: &mut [f64],
-        log_factors: &mut [f64],
-    ) {
-        self.0.propose(moving, complement, shared, random_streams, proposals, log_factors);
+    fn propose(&self, step: HalfStep) {
+        let HalfStep { moving, complement, shared, random_streams, proposals, log_factors } = step;
+        let inner = HalfStep { moving, complement, shared, random_streams, proposals, log_factors: &mut *log_factors };
+        self.0.propose(inner);
         log_factors.fill(0.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Ensemble of walkers, and the split-ensemble step that moves them.
 
-use super::moves::{Independence, Move, WalkerPoints};
+use super::moves::{HalfStep, Independence, Move, WalkerPoints};
 use super::random::RandomStream;
 use crate::{LogDensity, check_log_densities};
 use base::Result;
@@ -109,14 +109,14 @@ impl Ensemble {
         let proposal = &mut self.proposal;
         let jump = kernel.jumps.filter(|(_, fraction)| self.shared.unit() < *fraction).map(|(jump, _)| jump);
         let chosen: &dyn Move = jump.map_or(kernel.local, |jump| jump);
-        chosen.propose(
-            WalkerPoints { coordinates: &half.positions, n, dimension },
-            WalkerPoints { coordinates: &other.positions, n, dimension },
-            &mut self.shared,
-            &mut half.streams,
-            &mut proposal.positions,
-            &mut proposal.log_factors,
-        );
+        chosen.propose(HalfStep {
+            moving: WalkerPoints { coordinates: &half.positions, n, dimension },
+            complement: WalkerPoints { coordinates: &other.positions, n, dimension },
+            shared: &mut self.shared,
+            random_streams: &mut half.streams,
+            proposals: &mut proposal.positions,
+            log_factors: &mut proposal.log_factors,
+        });
         half.draw_floors(proposal);
         density.log_density_above(&proposal.positions, &proposal.floors, &mut proposal.log_density);
         check_log_densities(dimension, &proposal.positions, &proposal.log_density)?;

@@ -4,8 +4,7 @@
 //! use γ = 1 instead, which carries walkers between modes. The move is symmetric, so its correction factor is one. Sources: ter Braak 2006,
 //! doi:10.1007/s11222-006-8769-1; Nelson, Ford & Payne 2013, doi:10.1088/0067-0049/210/1/11.
 
-use super::{Move, WalkerPoints};
-use crate::ensemble::random::RandomStream;
+use super::{HalfStep, Move};
 
 /// Differential-evolution move: a walker moves along the difference of two other walkers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,15 +31,8 @@ impl Move for DifferentialEvolution {
         )
     }
 
-    fn propose(
-        &self,
-        moving: WalkerPoints,
-        complement: WalkerPoints,
-        _shared: &mut RandomStream,
-        random_streams: &mut [RandomStream],
-        proposals: &mut [f64],
-        log_factors: &mut [f64],
-    ) {
+    fn propose(&self, step: HalfStep) {
+        let HalfStep { moving, complement, random_streams, proposals, log_factors, .. } = step;
         let gamma_0 = self.scale * 2.38 / (2.0 * moving.dimension as f64).sqrt();
         let (n, jump) = (complement.n, self.jump_probability);
         log_factors.fill(0.0);

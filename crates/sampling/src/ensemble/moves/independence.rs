@@ -6,7 +6,7 @@
 //! within and between modes. Otherwise most draws are rejected, and only other moves are effective. Source: Tierney 1994, doi:10.1214/aos/1176325750,
 //! §2.3.2.
 
-use super::{Move, WalkerPoints};
+use super::{HalfStep, Move};
 use crate::ensemble::random::RandomStream;
 use crate::optimum::Modes;
 use crate::t_mixture::{Jumps, TMixture};
@@ -91,15 +91,8 @@ impl Move for Independence {
         format!("independence(components={})", self.mixture.n_components())
     }
 
-    fn propose(
-        &self,
-        moving: WalkerPoints,
-        _complement: WalkerPoints,
-        _shared: &mut RandomStream,
-        random_streams: &mut [RandomStream],
-        proposals: &mut [f64],
-        log_factors: &mut [f64],
-    ) {
+    fn propose(&self, step: HalfStep) {
+        let HalfStep { moving, random_streams, proposals, log_factors, .. } = step;
         if let Some(component) = self.mixture.only() {
             let (exponent, points) = (self.mixture.exponent(), moving.coordinates);
             return Jumps { component, exponent, points, draws: proposals, log_factors }.draw(random_streams);
@@ -127,6 +120,7 @@ impl Move for Independence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ensemble::moves::WalkerPoints;
     use crate::optimum::Optimum;
 
     /// Compares the estimated mean acceptance with jumps that are made. The standard error of 20,000 jumps is 0.0035. The estimate may be 0.06 too large.
@@ -174,7 +168,14 @@ mod tests {
             let moving = WalkerPoints { coordinates: &coordinates, n, dimension: 2 };
             let mut shared = RandomStream::new(3, 1000);
             let mut random_streams = streams();
-            q.propose(moving, moving, &mut shared, &mut random_streams, &mut proposals, &mut factors);
+            q.propose(HalfStep {
+                moving,
+                complement: moving,
+                shared: &mut shared,
+                random_streams: &mut random_streams,
+                proposals: &mut proposals,
+                log_factors: &mut factors,
+            });
             for (i, (mut stream, used)) in streams().into_iter().zip(random_streams).enumerate() {
                 let mut point = [coordinates[i], coordinates[n + i]];
                 let factor = q.jump(&mut stream, &mut point, &mut [0.0; 2]);

@@ -1,7 +1,6 @@
 //! Mixture of moves: each half-step uses one of several moves, chosen at random with fixed weights.
 
-use super::{Move, WalkerPoints};
-use crate::ensemble::random::RandomStream;
+use super::{HalfStep, Move};
 
 /// Several moves with weights, one of which is chosen at random for each half-step. The choice does not depend on the walkers. A distribution that
 /// every move leaves invariant is therefore invariant under the mixture.
@@ -33,23 +32,15 @@ impl Move for Mixture {
         self.name.clone()
     }
 
-    fn propose(
-        &self,
-        moving: WalkerPoints,
-        complement: WalkerPoints,
-        shared: &mut RandomStream,
-        random_streams: &mut [RandomStream],
-        proposals: &mut [f64],
-        log_factors: &mut [f64],
-    ) {
-        let u = shared.unit();
+    fn propose(&self, step: HalfStep) {
+        let u = step.shared.unit();
         let chosen = self.moves.iter().find(|(upper, _)| u < *upper).or(self.moves.last());
         match chosen {
-            Some((_, part)) => part.propose(moving, complement, shared, random_streams, proposals, log_factors),
+            Some((_, part)) => part.propose(step),
             // An empty mixture leaves every walker in place.
             None => {
-                proposals.copy_from_slice(moving.coordinates);
-                log_factors.fill(0.0);
+                step.proposals.copy_from_slice(step.moving.coordinates);
+                step.log_factors.fill(0.0);
             }
         }
     }

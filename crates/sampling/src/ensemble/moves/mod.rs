@@ -28,6 +28,22 @@ pub struct WalkerPoints<'a> {
     pub dimension: usize,
 }
 
+/// Half-step of the ensemble: what a move reads, and what it fills.
+pub struct HalfStep<'a> {
+    /// Walkers that move.
+    pub moving: WalkerPoints<'a>,
+    /// The other half of the walkers, with at least four points.
+    pub complement: WalkerPoints<'a>,
+    /// The ensemble's stream, for choices that all walkers share.
+    pub shared: &'a mut RandomStream,
+    /// One stream for each moving walker.
+    pub random_streams: &'a mut [RandomStream],
+    /// Proposals, with the layout and size of `moving`.
+    pub proposals: &'a mut [f64],
+    /// Logarithms of the correction factors.
+    pub log_factors: &'a mut [f64],
+}
+
 /// Rule that proposes a new position for each walker of one half of the ensemble.
 ///
 /// The ensemble accepts the move of a walker from x to a proposal y with probability min(1, exp(log_factor)·π(y)/π(x)), with π the target density.
@@ -36,20 +52,8 @@ pub trait Move: Send + Sync {
     /// Name of the move with all its constants. A run continues from a checkpoint only if the names agree.
     fn name(&self) -> String;
 
-    /// Proposes a new position for each walker in `moving`, and fills `proposals` and the logarithms `log_factors` of the correction factors.
-    /// `proposals` has the layout and size of `moving`.
-    ///
-    /// `complement` is the other half of the walkers, with at least four points; a move must not change it. `random_streams` holds one stream for
-    /// each moving walker. `shared` is the ensemble's stream, for choices that all walkers share.
-    fn propose(
-        &self,
-        moving: WalkerPoints,
-        complement: WalkerPoints,
-        shared: &mut RandomStream,
-        random_streams: &mut [RandomStream],
-        proposals: &mut [f64],
-        log_factors: &mut [f64],
-    );
+    /// Proposes a new position for each moving walker, and fills `proposals` and `log_factors`.
+    fn propose(&self, step: HalfStep);
 }
 
 /// Returns the default move: 80 % differential evolution, and 20 % snooker moves for steps of other directions and lengths. On the creep posterior of

@@ -3,8 +3,7 @@
 //! The proposal is y = x + γ ((c₁ − c₂)·e) e, where e is the unit vector along x − c. It is accepted with probability min(1, (|y − c|/|x − c|)^(d−1)
 //! π(y)/π(x)); d is the dimension and π the target density. Source: ter Braak & Vrugt 2008, doi:10.1007/s11222-008-9104-9, eq. 3–4.
 
-use super::{Move, WalkerPoints};
-use crate::ensemble::random::RandomStream;
+use super::{HalfStep, Move};
 
 /// Snooker move: a walker moves along the line through another walker, by the projected difference of two further walkers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,15 +23,8 @@ impl Move for Snooker {
         format!("snooker(scale={})", self.scale)
     }
 
-    fn propose(
-        &self,
-        moving: WalkerPoints,
-        complement: WalkerPoints,
-        _shared: &mut RandomStream,
-        random_streams: &mut [RandomStream],
-        proposals: &mut [f64],
-        log_factors: &mut [f64],
-    ) {
+    fn propose(&self, step: HalfStep) {
+        let HalfStep { moving, complement, random_streams, proposals, log_factors, .. } = step;
         let n = complement.n;
         let exponent = 0.5 * (moving.dimension as f64 - 1.0);
         for (i, stream) in random_streams.iter_mut().enumerate() {

@@ -3,8 +3,7 @@
 //! The proposal is y = c + z (x − c), where z has a density proportional to 1/√z on [1/a, a]. It is accepted with probability min(1, z^(d−1)
 //! π(y)/π(x)); d is the dimension and π the target density. Source: Goodman & Weare 2010, doi:10.2140/camcos.2010.5.65, eq. 7–9.
 
-use super::{Move, WalkerPoints};
-use crate::ensemble::random::RandomStream;
+use super::{HalfStep, Move};
 
 /// Stretch move: a walker moves along the line through another walker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,15 +23,8 @@ impl Move for Stretch {
         format!("stretch(scale={})", self.scale)
     }
 
-    fn propose(
-        &self,
-        moving: WalkerPoints,
-        complement: WalkerPoints,
-        _shared: &mut RandomStream,
-        random_streams: &mut [RandomStream],
-        proposals: &mut [f64],
-        log_factors: &mut [f64],
-    ) {
+    fn propose(&self, step: HalfStep) {
+        let HalfStep { moving, complement, random_streams, proposals, log_factors, .. } = step;
         let exponent = moving.dimension as f64 - 1.0;
         for (i, stream) in random_streams.iter_mut().enumerate() {
             let partner = stream.below(complement.n);
