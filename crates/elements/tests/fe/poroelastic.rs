@@ -4,6 +4,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
+use crate::time::distance;
 use base::number::{Dual, Scalar};
 use base::{Error, Result};
 use elements::fe::Stiffness;
@@ -112,12 +113,6 @@ impl TransientSystem for Saddle {
     fn position_m(&self, unknowns: &[f64]) -> f64 {
         unknowns[self.robot]
     }
-}
-
-fn distance(found: &[f64], exact: &[f64]) -> f64 {
-    assert_eq!(found.len(), exact.len());
-    let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
 /// Irregular times (s) and forces: two cycles of pushes in both directions, with a rest.

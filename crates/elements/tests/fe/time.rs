@@ -69,7 +69,7 @@ fn superposition(compliance_per_m: f64, law: &CreepCompliance, time_s: &[f64], f
 }
 
 /// Largest difference of two lists, divided by the largest value of `exact`.
-fn distance(found: &[f64], exact: &[f64]) -> f64 {
+pub fn distance(found: &[f64], exact: &[f64]) -> f64 {
     assert_eq!(found.len(), exact.len());
     let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude

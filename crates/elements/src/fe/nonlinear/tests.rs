@@ -2,6 +2,7 @@
 //! means, and against each other.
 
 use super::*;
+use crate::fe::stepping::tests::distance;
 use crate::fe::time::FullOrderModel;
 use crate::mesh::QuarterBall;
 use laws::rheology::BaseLaw;
@@ -40,12 +41,6 @@ fn record() -> (Vec<f64>, Vec<f64>) {
     let time_s = [3.0, 3.1, 3.5, 4.5, 6.0, 6.25, 7.5, 9.0].to_vec();
     let force_n = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0].map(|f| f * FORCE_N).to_vec();
     (time_s, force_n)
-}
-
-fn distance(found: &[f64], exact: &[f64]) -> f64 {
-    assert_eq!(found.len(), exact.len());
-    let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
 /// Compares the nonlinear laws at their nulls with fifth-order steps of the linear model. The

@@ -97,4 +97,4 @@ impl FullOrderModel {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

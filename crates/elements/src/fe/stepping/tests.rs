@@ -34,13 +34,14 @@ fn springpot(modulus_pa: f64, time_s: f64, order: f64) -> Element {
 }
 
 /// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces. The forces are
-/// holds of both signs, a rest, and a force that changes at every row.
-fn record() -> (Vec<f64>, Vec<f64>) {
+/// holds of both signs, a rest, and a force that changes at every row. The gap is after the row
+/// `gap`, and the changes end at the row `held`.
+pub(crate) fn record_of(n_rows: u32, gap: u32, held: u32) -> (Vec<f64>, Vec<f64>) {
     let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 3.0);
-    for row in 0..120_u32 {
+    for row in 0..n_rows {
         time_s.push(t);
         t += match row {
-            70 => 2.5,
+            _ if row == gap => 2.5,
             _ if row % 13 == 5 => 0.001,
             _ => 0.02 + 0.015 * f64::from(row % 4),
         };
@@ -48,11 +49,15 @@ fn record() -> (Vec<f64>, Vec<f64>) {
             0..25 => 1.0,
             25..40 => 0.0,
             40..75 => -1.0,
-            75..90 => 0.1 * f64::from(row - 75),
+            75.. if row < held => 0.1 * f64::from(row - 75),
             _ => 0.7,
         });
     }
     (time_s, force_n)
+}
+
+fn record() -> (Vec<f64>, Vec<f64>) {
+    record_of(120, 70, 90)
 }
 
 /// Superposition Σ ΔFₖ J(t − tₖ − δ) of force steps ΔFₖ at the times tₖ, with the creep compliance
@@ -67,7 +72,7 @@ fn superposition(time_s: &[f64], force_n: &[f64], delay_s: f64, creep: impl Fn(f
 }
 
 /// Largest difference of two lists, divided by the largest value of `exact`.
-fn distance(found: &[f64], exact: &[f64]) -> f64 {
+pub(crate) fn distance(found: &[f64], exact: &[f64]) -> f64 {
     assert_eq!(found.len(), exact.len());
     let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use super::*;
 use crate::fe::element::TabulatedElement;
+use crate::fe::stepping::tests::{distance, record_of};
 use crate::fe::time::{FullOrderModel, TimeScheme};
 use crate::fe::{Assembly, Stiffness, stepping};
 use crate::mesh::{Mesh, QuarterBall};
@@ -25,33 +26,8 @@ fn chain(law: BaseLaw) -> CreepCompliance {
     to_chain(&elements(law), WINDOW).expect("springs and dashpots").bodies
 }
 
-/// Irregular times (s) from 3 s on, with a gap and rows 1 ms apart, and forces (N). The forces are
-/// holds of both signs, a rest, and a force that changes at every row.
 fn record() -> (Vec<f64>, Vec<f64>) {
-    let (mut time_s, mut force_n, mut t) = (Vec::new(), Vec::new(), 3.0);
-    for row in 0..100_u32 {
-        time_s.push(t);
-        t += match row {
-            60 => 2.5,
-            _ if row % 13 == 5 => 0.001,
-            _ => 0.02 + 0.015 * f64::from(row % 4),
-        };
-        force_n.push(match row {
-            0..25 => 1.0,
-            25..40 => 0.0,
-            40..75 => -1.0,
-            75..80 => 0.1 * f64::from(row - 75),
-            _ => 0.7,
-        });
-    }
-    (time_s, force_n)
-}
-
-/// Largest difference of two lists, divided by the largest value of `exact`.
-fn distance(found: &[f64], exact: &[f64]) -> f64 {
-    assert_eq!(found.len(), exact.len());
-    let amplitude = exact.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    found.iter().zip(exact).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
+    record_of(100, 60, 80)
 }
 
 /// A system of dense matrices. The last unknown is the robot's displacement.
