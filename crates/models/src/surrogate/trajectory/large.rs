@@ -7,7 +7,6 @@
 //! between the commanded and the acting force enter to first order. For this, each parameter of the load has one run at the law of the
 //! box's centre. Changing the force by a few hundredths changes the deviation by three times that fraction, and second-order terms are
 //! negligible. Ratios outside the box are moved to its faces, because data with such ratios are far from the record.
-//! ratios are far from the record.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
