@@ -64,30 +64,14 @@ pub struct RivalPoint {
 
 /// Fits a model to the noise-free data of a truth, and returns the model's closest point.
 pub fn fit_rival(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
-    RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta), None)
-}
-
-/// As [`fit_rival`], for a model whose point for other data is known.
-pub(super) fn fit_rival_near(
-    subject: &Subject,
-    other: &Candidate,
-    truth: &RivalTruth,
-    known: &[f64],
-) -> Result<RivalPoint> {
-    RivalFit::new(subject, other, truth).best(&other.embed(truth.candidate, truth.theta), Some(known))
-}
-
-/// Fits a model to the noise-free data of a truth, without priors: the distance follows from the protocol alone.
-pub(super) fn closest_without_priors(subject: &Subject, other: &Candidate, truth: &RivalTruth) -> Result<RivalPoint> {
-    RivalFit::new(subject, other, truth).without_priors().best(&other.embed(truth.candidate, truth.theta), None)
+    RivalFit::new(subject, other, truth).best(None)
 }
 
 /// A rival fit: one model is fitted to the noise-free data of another model (the truth), or compared with them.
 pub(super) struct RivalFit<'a> {
     subject: &'a Subject,
     other: &'a Candidate,
-    noise: NoiseValues,
-    truth_m: &'a [f64],
+    truth: RivalTruth<'a>,
     /// Mean and standard deviation of the prior of each coordinate; `None` if it has none.
     priors: Vec<Option<(f64, f64)>>,
 }
@@ -153,7 +137,7 @@ impl<'a> RivalFit<'a> {
             free.prior.map(|(mean, sd)| (of_truth(free.name).map_or(mean, |place| truth.theta[place]), sd))
         };
         let priors = other.free.iter().map(prior).collect();
-        Self { subject, other, noise: truth.noise, truth_m: truth.position_m, priors }
+        Self { subject, other, truth: *truth, priors }
     }
 
     /// Returns the rival fit without any prior.
@@ -171,14 +155,15 @@ impl<'a> RivalFit<'a> {
 
     /// Distance (σ) of the other model after absorption, to first order around a point with these positions (m) and derivatives ([`columns_m`]).
     pub fn first_order(&self, theta: &[f64], position_m: &[f64], columns_m: &[Vec<f64>]) -> Option<f64> {
-        let difference_m = self.truth_m.iter().zip(position_m).map(|(truth_m, x)| truth_m - x).collect();
+        let difference_m = self.truth.position_m.iter().zip(position_m).map(|(truth_m, x)| truth_m - x).collect();
         let white = self.whiten(&[difference_m]).swap_remove(0);
         Some(self.absorbing_by(theta, columns_m)?.left(&white).0.norm())
     }
 
     /// Finds the best fit, from a known point for other data, the nulls of effects, and several sizes and grid points. The last are left out if a point is known and trajectories
     /// are computed one by one, which takes long.
-    pub fn best(&self, null: &[f64], known: Option<&[f64]>) -> Result<RivalPoint> {
+    pub fn best(&self, known: Option<&[f64]>) -> Result<RivalPoint> {
+        let null = &self.other.embed(self.truth.candidate, self.truth.theta)[..];
         let mut starts: Vec<Vec<f64>> = known.into_iter().chain([null]).map(<[f64]>::to_vec).collect();
         if known.is_none() || !self.other.is_slow() {
             starts.extend(self.promising(null));
@@ -207,7 +192,7 @@ impl<'a> RivalFit<'a> {
         let (lanes, is_valid) = self.subject.trajectories_m(self.other, points);
         let valid: Vec<usize> = (0..points.len()).filter(|lane| is_valid[*lane]).collect();
         let column = |lane: &usize| -> Vec<f64> {
-            lanes.iter().zip(self.truth_m).map(|(row, truth_m)| truth_m - row.0[*lane]).collect()
+            lanes.iter().zip(self.truth.position_m).map(|(row, truth_m)| truth_m - row.0[*lane]).collect()
         };
         let columns: Vec<Vec<f64>> = valid.iter().map(column).collect();
         let mut white = vec![None; points.len()];
@@ -218,7 +203,7 @@ impl<'a> RivalFit<'a> {
     }
 
     pub fn whiten(&self, columns_m: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        self.subject.fitted.whiten(columns_m, self.truth_m, &self.noise)
+        self.subject.fitted.whiten(columns_m, self.truth.position_m, &self.truth.noise)
     }
 
     /// Contribution of the priors to the squared distance.

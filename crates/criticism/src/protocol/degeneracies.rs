@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::NoiseValues;
 use crate::noise_fit::natural;
-use crate::separation::{RivalFit, RivalTruth, closest_without_priors};
+use crate::separation::{RivalFit, RivalTruth};
 use crate::{Candidate, Subject};
 use base::error::{Error, Result};
 
@@ -129,5 +129,5 @@ fn fits_data_of(subject: &Subject, other: &Candidate, truth: &Added, noise: Nois
     let theta = truth.at(COMPARED_STEP);
     let Ok(position_m) = subject.trajectory_m(&truth.candidate, &theta) else { return false };
     let truth = RivalTruth { candidate: &truth.candidate, theta: &theta, noise, position_m: &position_m };
-    closest_without_priors(subject, other, &truth).is_ok_and(|closest| closest.distance < SAME_SIGMA)
+    RivalFit::new(subject, other, &truth).without_priors().best(None).is_ok_and(|closest| closest.distance < SAME_SIGMA)
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Members;
 use crate::Subject;
 use crate::derivatives::derivatives_m;
-use crate::separation::{RivalFit, RivalPoint, RivalTruth, fit_rival_near};
+use crate::separation::{RivalFit, RivalPoint, RivalTruth};
 use base::error::{Error, Result};
 
 /// Number of distances that are computed at once.
@@ -70,7 +70,7 @@ impl<'a> UnderProtocol<'a> {
     /// Point of a model that is closest to a truth.
     pub fn closest_point(&self, [truth, model]: Pair) -> Result<RivalPoint> {
         let (candidate, fitted) = self.members[model];
-        fit_rival_near(&self.subject, candidate, &self.truth(truth)?, &fitted.theta)
+        RivalFit::new(&self.subject, candidate, &self.truth(truth)?).best(Some(&fitted.theta))
     }
 
     /// Distance (σ) to first order around the model's own fit: its parameters absorb the difference linearly.
