@@ -130,7 +130,8 @@ mod tests {
     /// Every formula of every state gives a file that passes the checks of a user's file.
     #[test]
     fn every_formula_is_an_effect() {
-        for (state, name) in State::ALL {
+        for state in State::ALL {
+            let name = state.name();
             let all = formulas(state, [if state.has_sign() { -2e-3 } else { 0.0 }, 2e-3]);
             assert!(all.len() >= 9);
             for (number, written) in all.iter().enumerate() {

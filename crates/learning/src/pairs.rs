@@ -69,7 +69,7 @@ pub fn pairs(subject: &Subject, base: &Refitted, is_monotone: bool) -> Result<Ve
     };
     // If one element bears the whole force, a function of the force has the same effect on the force and on that element.
     let is_alone = law.parameters().len() == 1 || (elements.len() == 1 && law.parameters().len() == 2);
-    for (state, _) in State::ALL {
+    for state in State::ALL {
         if state != State::Strain && (!is_alone || state == State::Force) {
             add(QuantityName::Force, state);
         }

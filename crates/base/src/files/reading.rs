@@ -12,19 +12,21 @@ use crate::error::{Error, InputPlace, Result};
 
 const MIB: u64 = 1 << 20;
 
-/// Purpose of a file. It determines the file's size limit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Content {
-    /// TOML file that people write.
-    Settings,
-    /// JSON document, or other data that the program itself wrote.
-    Document,
-    /// CSV table of measurements or draws.
-    Table,
-    /// Mesh in Gmsh's format.
-    Mesh,
-    /// Checkpoint of a sampler.
-    State,
+crate::named_enum! {
+    /// Purpose of a file. It determines the file's size limit.
+    pub enum Content {
+        /// TOML file that people write.
+        Settings = "settings",
+        /// JSON document, or other data that the program itself wrote.
+        Document = "a document of this program",
+        /// CSV table of measurements or draws.
+        Table = "a table",
+        /// Mesh in Gmsh's format.
+        Mesh = "a mesh",
+        /// Checkpoint of a sampler.
+        State = "a sampler's state",
+    }
+    fn words
 }
 
 impl Content {
@@ -35,16 +37,6 @@ impl Content {
             Self::Document => 64 * MIB,
             Self::Table | Self::Mesh => 1024 * MIB,
             Self::State => 4096 * MIB,
-        }
-    }
-
-    fn words(self) -> &'static str {
-        match self {
-            Self::Settings => "settings",
-            Self::Document => "a document of this program",
-            Self::Table => "a table",
-            Self::Mesh => "a mesh",
-            Self::State => "a sampler's state",
         }
     }
 }

@@ -15,46 +15,33 @@ pub enum Quantity {
     Element(ElementPlace),
 }
 
-/// State on which a quantity may depend. All states are zero before the record.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum State {
-    /// Position of the robot, in m.
-    Position,
-    /// Path ∫ |dx| that the robot has travelled since the record's start, in m.
-    Path,
-    /// Time since the record's start, in s.
-    Time,
-    /// Time since the last force step began to act, in s. Before the first force step it is the time since the record's start.
-    TimeSinceStep,
-    /// Velocity of the robot, in m/s.
-    Velocity,
-    /// Force on the robot in N, before the change that the function of this state causes.
-    Force,
-    /// Largest |x| since the record's start, with x the robot's position, in m.
-    LargestExcursion,
-    /// Strain of one body of the law, as its contribution to the robot's displacement in m. The body is the one whose element
-    /// depends on the state.
-    Strain,
+base::named_enum! {
+    /// State on which a quantity may depend. All states are zero before the record.
+    #[derive(Hash)]
+    pub enum State {
+        /// Position of the robot, in m.
+        Position = "position",
+        /// Path ∫ |dx| that the robot has travelled since the record's start, in m.
+        Path = "path",
+        /// Time since the record's start, in s.
+        Time = "time",
+        /// Time since the last force step began to act, in s. Before the first force step it is the time since the record's start.
+        TimeSinceStep = "time_since_step",
+        /// Velocity of the robot, in m/s.
+        Velocity = "velocity",
+        /// Force on the robot in N, before the change that the function of this state causes.
+        Force = "force",
+        /// Largest |x| since the record's start, with x the robot's position, in m.
+        LargestExcursion = "largest_excursion",
+        /// Strain of one body of the law, as its contribution to the robot's displacement in m. The body is the one whose element
+        /// depends on the state.
+        Strain = "strain",
+    }
+    /// Name of the state in files and documents.
+    pub fn name
 }
 
 impl State {
-    /// All states, each with its name.
-    pub const ALL: [(Self, &'static str); 8] = [
-        (Self::Position, "position"),
-        (Self::Path, "path"),
-        (Self::Time, "time"),
-        (Self::TimeSinceStep, "time_since_step"),
-        (Self::Velocity, "velocity"),
-        (Self::Force, "force"),
-        (Self::LargestExcursion, "largest_excursion"),
-        (Self::Strain, "strain"),
-    ];
-
-    /// Name of the state in files and documents.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(state, _)| *state == self).map_or("", |(_, name)| name)
-    }
-
     /// Returns `true` if the state can be negative.
     pub fn has_sign(self) -> bool {
         matches!(self, Self::Position | Self::Velocity | Self::Force | Self::Strain)
@@ -62,7 +49,7 @@ impl State {
 
     /// Returns the state with the given name; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, state_name)| *state_name == name).map(|(state, _)| *state)
+        Self::ALL.into_iter().find(|state| state.name() == name)
     }
 
     /// Unit of the state in functions that users write.

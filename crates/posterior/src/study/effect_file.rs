@@ -134,7 +134,7 @@ pub fn leak(text: String) -> &'static str {
 fn state(table: &TomlTable<'_>) -> Result<State> {
     let name = table.required_text("state", "state = \"path\"")?;
     State::named(&name).ok_or_else(|| {
-        let names = State::ALL.map(|(_, name)| name);
+        let names = State::ALL.map(State::name);
         let hint = nearest_name(&name, names).map_or(String::new(), |near| format!("did you mean `{near}`? "));
         table.refuse("state", format!("`{name}` is not a state"), format!("{hint}name one of {}", names.join(", ")))
     })
