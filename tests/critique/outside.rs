@@ -159,16 +159,21 @@ fn many_correct_models_have_next_to_no_findings() {
 }
 
 fn assert_hardly_found(n_each: u64, too_many: usize) {
-    let bench = &*BENCH;
+    assert_hardly_any(n_each, too_many, |noise, seed| {
+        let data = BENCH.with_noise(&BENCH.truth_m, noise, 40 + seed);
+        BENCH.searched(&data, 150).into_iter().filter(is_finding).collect()
+    });
+}
+
+/// Requires that fewer than `too_many` structures are found in correct models with each kind of noise and `n_each` seeds.
+fn assert_hardly_any(n_each: u64, too_many: usize, find: impl Fn(Noise, u64) -> Vec<OutsideStructure> + Sync) {
     let noises = [Noise::White, Noise::Correlated, Noise::Gain, Noise::Outliers];
     let sets: Vec<(Noise, u64)> =
         noises.into_iter().flat_map(|noise| (0..n_each).map(move |seed| (noise, seed))).collect();
     let found: Vec<String> = sets
         .par_iter()
         .flat_map_iter(|(noise, seed)| {
-            let data = bench.with_noise(&bench.truth_m, *noise, 40 + seed);
-            let found = bench.searched(&data, 150).into_iter().filter(is_finding).collect::<Vec<_>>();
-            found.into_iter().map(move |outside| format!("{noise:?}: {}", outside.sentence))
+            find(*noise, *seed).into_iter().map(move |outside| format!("{noise:?}: {}", outside.sentence))
         })
         .collect();
     assert!(found.len() < too_many, "{found:#?}");
@@ -272,21 +277,13 @@ fn many_correct_models_have_next_to_no_events() {
 }
 
 fn assert_hardly_any_event(n_each: u64, too_many: usize) {
-    let bench = &*BENCH;
-    let noises = [Noise::White, Noise::Correlated, Noise::Gain, Noise::Outliers];
-    let sets: Vec<(Noise, u64)> =
-        noises.into_iter().flat_map(|noise| (0..n_each).map(move |seed| (noise, seed))).collect();
-    let found: Vec<String> = sets
-        .par_iter()
-        .filter_map(|(noise, seed)| {
-            let data = bench.with_noise(&bench.truth_m, *noise, 70 + seed);
-            let base = data.base();
-            let fitted = data.fit(&base, &[], Search::Wide).expect("fits");
-            let request = OutsideRequest { n_simulations: 199, seed: 3 };
-            let found = events_over_all_cycles(&data, &base, &fitted, &request).expect("searches");
-            let alarm = found.into_iter().find(|event| event.p_familywise <= 0.01 && event.penalised_gain_nats >= 7.0);
-            alarm.map(|event| format!("{noise:?}: {}", event.sentence))
-        })
-        .collect();
-    assert!(found.len() < too_many, "{found:#?}");
+    assert_hardly_any(n_each, too_many, |noise, seed| {
+        let data = BENCH.with_noise(&BENCH.truth_m, noise, 70 + seed);
+        let base = data.base();
+        let fitted = data.fit(&base, &[], Search::Wide).expect("fits");
+        let request = OutsideRequest { n_simulations: 199, seed: 3 };
+        let found = events_over_all_cycles(&data, &base, &fitted, &request).expect("searches");
+        let is_alarm = |event: &OutsideStructure| event.p_familywise <= 0.01 && event.penalised_gain_nats >= 7.0;
+        found.into_iter().find(is_alarm).into_iter().collect()
+    });
 }

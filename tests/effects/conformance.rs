@@ -8,7 +8,7 @@ use vitreo_uq::models::effects::{EFFECTS, Effect, EffectParameter, Stage, Stages
 use vitreo_uq::models::model::Model;
 use vitreo_uq::record::CharacteristicSizes;
 
-const PORCINE: CharacteristicSizes = CharacteristicSizes {
+pub const PORCINE: CharacteristicSizes = CharacteristicSizes {
     largest_force_n: 4.6e-6,
     position_range_m: 0.98e-3,
     hold_s: 5.0,

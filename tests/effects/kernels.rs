@@ -3,6 +3,7 @@
 
 use std::sync::{Arc, OnceLock};
 
+use crate::conformance::PORCINE;
 use vitreo_uq::base::error::{Error, InputPlace, Setting};
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::elements::fe::Stiffness;
@@ -41,19 +42,12 @@ fn protocol() -> Protocol {
     let time_s: Vec<f64> = (0..160).map(|i| 0.08 * f64::from(i) + if i % 3 == 1 { 0.03 } else { 0.0 }).collect();
     let force_n: Vec<f64> = (0..160).map(|i| [4.6e-6, -4.6e-6, 2e-6, 0.0, -3e-6][(i / 33) % 5]).collect();
     let scales = CharacteristicSizes {
-        largest_force_n: 4.6e-6,
         position_range_m: 1e-3,
         hold_s: 2.64,
         sample_interval_s: 0.08,
         cycle_s: 6.4,
         duration_s: 12.8,
-        poisson_ratio: Some(POISSON_RATIO),
-        robot_radius_m: Some(0.275e-3),
-        taught_radius_m: Some(0.275e-3),
-        outer_radius_m: Some(10e-3),
-        depth_exponent: None,
-        fits_position_offset: false,
-        is_position_controlled: false,
+        ..PORCINE
     };
     Protocol { time_s, force_n, rule: ForceRule::Hold, scales }
 }

@@ -1,5 +1,6 @@
 //! Effects under a prescribed position: the reduced model against the full-order model, and derivatives against finite differences.
 
+use crate::conformance::PORCINE;
 use vitreo_uq::base::number::Dual;
 use vitreo_uq::elements::fe::stepping::Resolution;
 use vitreo_uq::elements::fe::stepping::run::strains_and_positions;
@@ -14,17 +15,10 @@ const COMPLIANCE_PER_M: f64 = 549.178;
 const SCALES: CharacteristicSizes = CharacteristicSizes {
     largest_force_n: 3e-4,
     position_range_m: 5e-6,
-    hold_s: 5.0,
     sample_interval_s: 0.1,
-    cycle_s: 10.0,
     duration_s: 30.0,
-    poisson_ratio: Some(0.48),
-    robot_radius_m: Some(2.75e-4),
-    taught_radius_m: Some(2.75e-4),
-    outer_radius_m: Some(0.01),
-    depth_exponent: None,
-    fits_position_offset: false,
     is_position_controlled: true,
+    ..PORCINE
 };
 
 /// Times (s) and a commanded position (m) that rises and falls in ramps, with holds between them.
