@@ -17,7 +17,6 @@ const TIMES_PER_DECADE: f64 = 1.5;
 const MOST_TIMES: usize = 8;
 
 /// Addition to the creep compliance, J += (1/E) Σ aₖ (1 − e^{−t/τₖ}) with amplitudes aₖ ≥ 0 and retardation times τₖ. Here 1/E is the law's compliance at the time of a hold.
-#[derive(Debug)]
 pub struct Creep {
     /// Retardation times τₖ in s.
     pub times_s: Arc<[f64]>,

@@ -146,14 +146,8 @@ pub struct EffectParameter {
     pub prior_source: &'static str,
 }
 
-impl std::fmt::Debug for EffectParameter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("EffectParameter").field("spec", &self.spec).finish_non_exhaustive()
-    }
-}
-
 /// Name, stage, texts and parameters of an effect.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub struct EffectDescription {
     /// Name of the effect in commands, files and parameter names.
     pub slug: &'static str,

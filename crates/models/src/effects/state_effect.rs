@@ -32,7 +32,6 @@ impl QuantityName {
 }
 
 /// Effect that makes a quantity of the model depend on a state (physics §5.3).
-#[derive(Debug)]
 pub struct StateEffect {
     /// Name of the effect in commands, files and parameter names.
     pub slug: &'static str,

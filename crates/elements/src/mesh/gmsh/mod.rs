@@ -53,16 +53,6 @@ pub enum GmshWarning {
 }
 
 impl GmshWarning {
-    /// Short name of the warning for programs. It is part of the JSON output.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::LinearTetrahedra { .. } => "linear_tetrahedra",
-            Self::UnusedNodes { .. } => "unused_nodes",
-            Self::InvertedElements { .. } => "inverted_elements",
-            Self::RobotOffCentre { .. } => "robot_off_centre",
-        }
-    }
-
     /// Message for the user about the property of the mesh.
     pub fn message(&self) -> String {
         match self {
