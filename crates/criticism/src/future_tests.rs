@@ -3,6 +3,7 @@
 use super::*;
 use crate::NoiseValues;
 use crate::test_replica::{WHITE, base_fit, replica, simulated};
+use record::Record;
 
 /// Log density of a normal vector by dense algebra.
 fn ln_normal(x: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
@@ -10,6 +11,19 @@ fn ln_normal(x: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
     let half_ln_det: f64 = factor.l_dirty().diagonal().iter().map(|l| l.ln()).sum();
     let form = x.dot(&factor.solve(x));
     -0.5 * form - half_ln_det - 0.5 * x.len() as f64 * std::f64::consts::TAU.ln()
+}
+
+/// Covariance (m²) of the noise between two rows, for the noise parameters 4 µm, 3 µm, 0.7 s, 1.2 % and 2 µm.
+fn noise_covariance(record: &Record, position_m: &[f64], [a, b]: [usize; 2]) -> f64 {
+    let white = if a == b { 4e-6_f64.powi(2) } else { 0.0 };
+    let process = 3e-6_f64.powi(2) * (-(record.time_s[a] - record.time_s[b]).abs() / 0.7).exp();
+    let same = f64::from(u8::from(record.cycle[a] == record.cycle[b]));
+    white + process + same * (0.012_f64.powi(2) * position_m[a] * position_m[b] + 2e-6_f64.powi(2))
+}
+
+/// Rows with a position up to a cycle.
+fn rows_until(positions_m: &[Option<f64>], record: &Record, until: u32) -> Vec<usize> {
+    (0..positions_m.len()).filter(|row| positions_m[*row].is_some() && record.cycle[*row] <= until).collect()
 }
 
 /// The linearised model is one joint normal distribution of all rows. Its log score of the last cycle, by dense algebra, is the log density of all rows less that of the
@@ -28,17 +42,11 @@ fn scores_are_those_of_the_joint_normal() {
     let columns = columns_m(&subject, &base, &fitted.theta).expect("derivatives");
     let (precision, step) = prior(&base, &fitted.theta);
     let ln_density = |until: u32| {
-        let rows: Vec<usize> =
-            (0..both.len()).filter(|row| both[*row].is_some() && record.cycle[*row] <= until).collect();
+        let rows = rows_until(&both, record, until);
         let covariance = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
             let (a, b) = (rows[i], rows[j]);
-            let white = if a == b { 4e-6_f64.powi(2) } else { 0.0 };
-            let lag_s = (record.time_s[a] - record.time_s[b]).abs();
-            let process = 3e-6_f64.powi(2) * (-lag_s / 0.7).exp();
-            let same = f64::from(u8::from(record.cycle[a] == record.cycle[b]));
-            let gain = same * (0.012_f64.powi(2) * fitted.position_m[a] * fitted.position_m[b] + 2e-6_f64.powi(2));
             let law: f64 = (0..columns.len()).map(|k| columns[k][a] * columns[k][b] / precision[k]).sum();
-            white + process + gain + law
+            noise_covariance(record, &fitted.position_m, [a, b]) + law
         });
         let residual = DVector::from_fn(rows.len(), |i, _| {
             let row = rows[i];
@@ -73,17 +81,10 @@ fn scores_with_an_effect_are_those_of_a_mixture_of_joint_normals() {
     let record = &subject.experiment().record;
     let both: Vec<Option<f64>> = subject.fitted_m.iter().zip(&subject.scored_m).map(|(a, b)| a.or(*b)).collect();
     let columns = columns_m(&subject, &candidate, &fitted.theta).expect("derivatives");
-    let rows_until = |until: u32| -> Vec<usize> {
-        (0..both.len()).filter(|row| both[*row].is_some() && record.cycle[*row] <= until).collect()
-    };
+    let rows_until = |until: u32| rows_until(&both, record, until);
     let of_noise = |rows: &[usize]| {
         DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
-            let (a, b) = (rows[i], rows[j]);
-            let white = if a == b { 4e-6_f64.powi(2) } else { 0.0 };
-            let process = 3e-6_f64.powi(2) * (-(record.time_s[a] - record.time_s[b]).abs() / 0.7).exp();
-            let same = f64::from(u8::from(record.cycle[a] == record.cycle[b]));
-            let (x, y) = (fitted.position_m[a], fitted.position_m[b]);
-            white + process + same * (0.012_f64.powi(2) * x * y + 2e-6_f64.powi(2))
+            noise_covariance(record, &fitted.position_m, [rows[i], rows[j]])
         })
     };
     let of_law: Vec<(f64, f64)> = candidate.free.iter().filter_map(|free| free.prior).collect();
@@ -200,20 +201,13 @@ fn scores_at_an_end_are_those_of_a_sum_over_the_size() {
         let both: Vec<Option<f64>> = data.fitted_m.iter().zip(&data.scored_m).map(|(a, b)| a.or(*b)).collect();
         let columns = columns_m(&data, &candidate, &fitted.theta).expect("derivatives");
         let of_law: Vec<(f64, f64)> = candidate.free.iter().filter_map(|free| free.prior).collect();
-        let rows_until = |until: u32| -> Vec<usize> {
-            (0..both.len()).filter(|row| both[*row].is_some() && record.cycle[*row] <= until).collect()
-        };
+        let rows_until = |until: u32| rows_until(&both, record, until);
         // Covariance of noise and law. The ends of the law's parameters are far enough to ignore.
         let beside = |rows: &[usize]| {
             DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
                 let (a, b) = (rows[i], rows[j]);
-                let white = if a == b { 4e-6_f64.powi(2) } else { 0.0 };
-                let process = 3e-6_f64.powi(2) * (-(record.time_s[a] - record.time_s[b]).abs() / 0.7).exp();
-                let same = f64::from(u8::from(record.cycle[a] == record.cycle[b]));
-                let (x, y) = (fitted.position_m[a], fitted.position_m[b]);
-                let gain = same * (0.012_f64.powi(2) * x * y + 2e-6_f64.powi(2));
                 let law: f64 = (0..size).map(|k| columns[k][a] * columns[k][b] * of_law[k].1.powi(2)).sum();
-                white + process + gain + law
+                noise_covariance(record, &fitted.position_m, [a, b]) + law
             })
         };
         // Coefficients of ln density = c₀ + c₁ δ − ½ c₂ δ².
