@@ -37,11 +37,7 @@ pub fn cohort(diagnosis: &CohortDiagnosis) -> Result<Svg> {
         let below = title_with_text(svg, &heading, &diagnosis.verdict.sentence, (MARGIN_PX, MARGIN_PX), width);
         Map::of(diagnosis).draw(svg, MARGIN_PX + below + 10.0)
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + MARGIN_PX;
-    let mut svg = Svg::new(WIDTH_PX, height, &heading);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, &heading, MARGIN_PX, draw))
 }
 
 struct Map<'a> {

@@ -74,11 +74,7 @@ pub fn contrast_matrix(data: &ContrastMatrix) -> Result<Svg> {
         let below = below + legend(svg, data, &layout, (MARGIN_PX, below)) + 22.0;
         layout.draw(svg, data, below)
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(layout.width_px, 1.0, ""));
-    let mut svg = Svg::new(layout.width_px, height, data.title);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(layout.width_px, data.title, 0.0, draw))
 }
 
 fn check(data: &ContrastMatrix) -> Result<()> {

@@ -80,11 +80,7 @@ pub fn creep_bands(data: &CreepBands) -> Result<Svg> {
             draw_separate_axes(svg, data, below)
         }
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
-    let mut svg = Svg::new(WIDTH_PX, height, data.title);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, data.title, 0.0, draw))
 }
 
 fn check(data: &CreepBands) -> Result<()> {

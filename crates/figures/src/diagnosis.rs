@@ -42,11 +42,7 @@ pub fn diagnosis(diagnosis: &Diagnosis) -> Result<Svg> {
         let below = bars.draw(svg, below);
         errors(svg, diagnosis, below)
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + MARGIN_PX;
-    let mut svg = Svg::new(WIDTH_PX, height, &heading);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, &heading, MARGIN_PX, draw))
 }
 
 /// Colour and displayed name of an effect's status.

@@ -57,11 +57,7 @@ pub fn discrepancy(panels: &[DiscrepancyPanel], heading: &str, text: &str) -> Re
         let below = MARGIN_PX + title_with_text(svg, heading, text, (MARGIN_PX, MARGIN_PX), width) + 8.0;
         drawn.iter().fold(below, |below, (points, panel)| draw_panel(svg, points, panel, below))
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
-    let mut svg = Svg::new(WIDTH_PX, height, "Discrepancy of the model, with its band");
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, "Discrepancy of the model, with its band", 0.0, draw))
 }
 
 /// Draws a panel with the upper edge at `top`, and returns the position of its lower edge.

@@ -96,11 +96,7 @@ pub fn fingerprints(fingerprints: &Fingerprints, experiment: &str) -> Result<Svg
         }
         bottom
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
-    let mut svg = Svg::new(WIDTH_PX, height, &heading);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, &heading, 0.0, draw))
 }
 
 #[cfg(test)]

@@ -116,11 +116,7 @@ pub fn forest(data: &Forest) -> Result<Svg> {
         let below = below + legend::row(svg, &entries(data, &layout), (MARGIN_PX, below), width) + 12.0;
         layout.draw(svg, data, below)
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(layout.width_px(), 1.0, ""));
-    let mut svg = Svg::new(layout.width_px(), height, data.title);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(layout.width_px(), data.title, 0.0, draw))
 }
 
 fn check(data: &Forest) -> Result<()> {

@@ -55,11 +55,7 @@ pub fn ladder(summary: &LadderSummary) -> Result<Svg> {
         let below = waterfall(svg, summary, below);
         parameters(svg, summary, below)
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + 4.0;
-    let mut svg = Svg::new(WIDTH_PX, height, &heading);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, &heading, 4.0, draw))
 }
 
 fn entries(summary: &LadderSummary) -> Vec<Entry> {

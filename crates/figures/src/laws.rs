@@ -39,11 +39,7 @@ pub fn laws(comparison: &LawComparison) -> Svg {
         }
         top + ROW_PX * comparison.laws.len() as f64 + MARGIN_PX
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
-    let mut svg = Svg::new(WIDTH_PX, height, &heading);
-    draw(&mut svg);
-    svg
+    Svg::drawn(WIDTH_PX, &heading, 0.0, draw)
 }
 
 fn row(svg: &mut Svg, law: &LawRow, (has_evidence, largest): (bool, f64), top: f64) {

@@ -47,10 +47,7 @@ pub fn learned(document: &Learned) -> Result<Svg> {
         plot(svg, document, function, Rect { x: LEFT_PX, y: top, width, height: PLOT_PX });
         top + PLOT_PX + AXIS_PX
     };
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, "")) + 6.0;
-    let mut svg = Svg::new(WIDTH_PX, height, &heading);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, &heading, 6.0, draw))
 }
 
 fn entries(document: &Learned) -> Vec<Entry> {

@@ -42,11 +42,7 @@ pub fn prediction(
         let below = below + legend::row(svg, &entries(scenarios, target_um), (MARGIN_PX, below), width) + 8.0;
         scenarios.iter().enumerate().fold(below, |top, (k, scenario)| panel(svg, scenario, k, target_um, top))
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
-    let mut svg = Svg::new(WIDTH_PX, height, title);
-    draw(&mut svg);
-    Ok(svg)
+    Ok(Svg::drawn(WIDTH_PX, title, 0.0, draw))
 }
 
 fn entries(scenarios: &[ScenarioPrediction], target_um: Option<f64>) -> Vec<Entry> {

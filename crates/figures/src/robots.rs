@@ -41,11 +41,7 @@ pub fn robots(title: &str, sentence: &str, robots: &[PlannedRobot]) -> Svg {
         front(svg, &axes, &feasible);
         frame.bottom() + FOOT_PX
     };
-    // The figure is drawn once to determine its height, and then again.
-    let height = draw(&mut Svg::new(WIDTH_PX, 1.0, ""));
-    let mut svg = Svg::new(WIDTH_PX, height, title);
-    draw(&mut svg);
-    svg
+    Svg::drawn(WIDTH_PX, title, 0.0, draw)
 }
 
 fn front(svg: &mut Svg, axes: &Axes, feasible: &[&PlannedRobot]) {

@@ -309,6 +309,13 @@ impl Svg {
         let (description, body) = (description.to_owned(), String::new());
         Self { width_px, height_px, description, body, shapes: Vec::new(), texts: Vec::new(), window: None }
     }
+    /// Creates a drawing of the height that `draw` returns, plus a margin. It is drawn once to determine its height, and then again.
+    pub fn drawn(width_px: f64, description: &str, margin_px: f64, draw: impl Fn(&mut Self) -> f64) -> Self {
+        let height_px = draw(&mut Self::new(width_px, 1.0, "")) + margin_px;
+        let mut svg = Self::new(width_px, height_px, description);
+        draw(&mut svg);
+        svg
+    }
     /// Width of the drawing in SVG units.
     pub fn width_px(&self) -> f64 {
         self.width_px
