@@ -147,7 +147,9 @@ fn one(
     let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
     if read.is_some() {
         proposal.reasons.retain(|reason| !reason.contains("although the table says"));
-        proposal.reasons.push("the position is the strain times the length of the specimen".into());
+        proposal
+            .reasons
+            .extend(strain.is_some().then(|| "the position is the strain times the length of the specimen".into()));
     } else if let Some(strain) = &strain {
         // An error would be one of questions that are already answered for the extension.
         if let Ok(strain) = propose(place, bytes, strain, &mut |_| None) {
@@ -188,7 +190,7 @@ fn one(
     let is_held_strain = device.stress_strain().is_some()
         && (proposal.holds_as_written || proposal.is_steadier && looked.as_ref().is_some_and(says_relaxation));
     // A relaxation of a tip has no model.
-    let holds_tip = device.is_tip() && proposal.force_holds && !proposal.position_holds;
+    let holds_tip = device.is_tip() && proposal.creeps;
     let likely = if is_held_strain {
         Control::Position
     } else if holds_tip {

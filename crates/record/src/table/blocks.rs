@@ -187,6 +187,12 @@ pub(super) fn blocks(lines: &[&str]) -> Option<Vec<TableBlock>> {
             });
         }
         if let Some(block) = blocks.last_mut() {
+            // A line of the preamble may have as many cells as the rows, such as `Size 25 6 2`.
+            let is_stated = |line| !begins_with_value(line, &found);
+            if after < index && block.n_rows < FEWEST_ROWS && is_stated(lines[block.layout.first]) && !is_stated(line) {
+                block.layout = Layout { first: index, n_cells: cells.len(), ..found.clone() };
+                (block.n_rows, block.marker) = (0, None);
+            }
             // A few rows of numbers with another number of cells are the preamble of the table that follows.
             if block.layout.n_cells != cells.len() && block.n_rows < FEWEST_ROWS {
                 // Unless the first row only lacks its last cells or ends in a remark, and a header of the full length stands above it.
@@ -570,6 +576,14 @@ mod tests {
         let rows = ROWS.replace('\n', ",5,6\n");
         let table = first_table(&format!("Time,Force,Position,,A\n(s),(uN),(um),,20 N preload\n{rows}"));
         assert_eq!(table.header.names[0], "(s)");
+    }
+
+    /// Checks a line of a preamble that has as many cells as the rows, as instruments of thermal analysis write the size of a specimen.
+    #[test]
+    fn a_size_above_the_names_is_no_row() {
+        let text = "Size\t25.0\t6.0\t2.0\nNsig\t4\nSig1\tTime (min)\nSig2\tTemperature\nSig3\tStrain (%)\nSig4\tStress (MPa)\nStartOfData\n0\t25\t0.1\t1\n1\t25\t0.2\t1\n2\t25\t0.3\t1\n";
+        let table = first_table(text);
+        assert_eq!((table.layout.first, table.header.names[2].as_str()), (7, "Strain (%)"));
     }
 
     #[test]

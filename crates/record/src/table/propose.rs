@@ -16,7 +16,10 @@ use super::spelling::{
 };
 use super::steps::{StepClock, is_of_step};
 use super::text::{Decimal, Delimiter, Encoding, Thousands, cells, comment_sign, decode_detected, is_blank_or_comment};
-use crate::control::{Control, answers_after_jumps, has_only_jumps, holds, holds_as_written, is_steadier, opposes};
+use crate::control::{
+    Control, answers_after_jumps, creeps_under_held_force, has_only_jumps, holds, holds_as_written, is_steadier,
+    opposes,
+};
 use crate::force::{has_noisy_levels, ramps_between_holds};
 use crate::frame::{Direction, Frame, Zero, is_zeroed_by_first_row, moves_against_force, offset_at_rest, rest_m};
 use crate::lost::repeated_outliers;
@@ -74,6 +77,8 @@ pub struct TableProposal {
     pub position_holds: bool,
     /// True if the force is constant to the last digit except for a few jumps.
     pub force_jumps: bool,
+    /// True if the body goes on moving while the force holds near its largest value.
+    pub creeps: bool,
     /// Names of all columns; empty without a header.
     pub columns: Vec<String>,
     /// Reasons for the description, each a sentence for the user.
@@ -335,6 +340,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let jumps_at_once = first_change_m > 0.0 && first_change_m >= 0.5 * range_m;
     let holds_as_written = holds_as_written(&trajectory.force_n, &trajectory.position_m);
     let is_steadier = is_steadier(&trajectory.force_n, &trajectory.position_m);
+    let has_force_offset = has_force_offset(&trajectory);
     let frame = match idle {
         Some(_) => Frame::default(),
         None => frame(&trajectory, description.force.is_some(), &mut reasons),
@@ -356,7 +362,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let mut proposal = TableProposal {
         columns: named_columns(tables[0]),
         acts_from_row: control == Control::Position && answers_after_jumps(&trajectory.force_n, &trajectory.position_m),
-        has_force_offset: control == Control::Position && has_force_offset(&trajectory),
+        has_force_offset: control == Control::Position && has_force_offset,
         starts_loaded: trajectory.force_n.iter().take(2).any(|force| 3.0 * force.abs() > largest_n),
         jumps_at_once,
         first_time_s: trajectory.time_s.first().copied().unwrap_or(0.0),
@@ -378,6 +384,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
         frame,
         force_holds: !is_along || has_noisy_levels || holds(&trajectory.time_s, &trajectory.force_n),
         force_jumps: has_only_jumps(&trajectory.force_n),
+        creeps: creeps_under_held_force(&trajectory.force_n, &trajectory.position_m),
         position_holds: {
             let rows = trajectory.time_s.iter().zip(&trajectory.position_m);
             let (time_s, position_m): (Vec<f64>, Vec<f64>) = rows.filter_map(|(time, x)| Some((*time, (*x)?))).unzip();
