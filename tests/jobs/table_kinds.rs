@@ -343,6 +343,9 @@ fn signs_between_thousands_are_told_from_decimal_signs() {
     let text =
         rows(|row, [_, f, x]| format!("{},{},{}", quoted(50.0 * row as f64), quoted(1000.0 * f), quoted(1000.0 * x)));
     assert_is_truth(&format!("Time [ms],Force [nN],Position [nm]\n{text}"), TableSettings::default());
+    // A zero has no decimals where 1.500 is a number of thousands.
+    let zeros = rows(|row, [_, f, x]| format!("{};{};{:.0}", 50 * row, grouped(1000.0 * f), 1e3 * (100.0 + x)));
+    assert_is_truth(&format!("Zeit [ms];Kraft [nN];Weg [nm]\n{zeros}"), TableSettings::default());
     // Three decimals in every number of a column are decimals, also beside a column of whole numbers.
     let beside = rows(|row, [_, f, x]| format!("{};{:.0};{:.3}", 50 * row, 1000.0 * f, 100.0 + x));
     assert_is_truth(&format!("Zeit [ms];Kraft [nN];Weg [um]\n{beside}"), TableSettings::default());
@@ -1438,6 +1441,15 @@ fn the_offset_of_a_force_at_rest_is_found() {
         kinds(&experiment, &files).contains(&"force_off".to_string())
     };
     assert!(found(0.8) && found(-0.5) && !found(0.0));
+    // A small force that has moved a body to its place is followed by a large one for a short time.
+    let tail = |row: u32| {
+        let (t, force) = (0.1 * f64::from(row), if row < 580 { 0.3 } else { 1.0 });
+        let pulled = |since: f64| 20.0 * (1.0 - (-since.max(0.0) / 0.3).exp());
+        format!("{t:.1},{force},{:.3}\n", 0.3 * pulled(t) + 0.7 * pulled(t - 58.0) + 0.1 * noise(row as usize))
+    };
+    let text = format!("Time (s),Force (uN),Position (um)\n{}", (0..600).map(tail).collect::<String>());
+    let (_, experiment, files) = read(&text, TableSettings::default()).expect("a record");
+    assert!(!kinds(&experiment, &files).contains(&"force_off".to_string()));
 }
 
 #[test]
@@ -1462,6 +1474,12 @@ fn shears_compliances_and_stresses_of_specimens_are_told_apart() {
     // A compliance is no strain.
     let compliance = relaxed("Time (s),Shear stress (Pa),Compliance (1/Pa)", |t, strain, _| format!("{t},10,{strain}"));
     assert!(of(&compliance, [None; 2]).expect_err("a compliance").contains("is no strain"));
+    let machine = by_force.replace("Extension (mm)", "Extension (mm),Stress (kPa),Machine compliance (mm/N)");
+    of(&machine.replace('\n', ",1,0.001\n").replacen(",1,0.001\n", "\n", 1), specimen).expect("a machine's compliance");
+    let material = relaxed("t (s),Sforzo concentrazione 2% (Pa),Deformazione [1]", |t, strain, stress| {
+        format!("{t},{stress},{strain}")
+    });
+    assert!(of(&material, [None; 2]).expect("a shear").1.contains("compliance_per_m = 3.0"));
     let alone = relaxed("Time (s),Compliance (1/Pa)", |t, strain, _| format!("{t},{strain}"));
     of(&alone, [None; 2]).expect("the remedy");
     for name in [
@@ -1507,6 +1525,10 @@ fn forces_that_mean_a_missing_value_are_refused() {
     }
     let told = TableSettings { blank_force: Some("above".into()), ..TableSettings::default() };
     assert_is_truth(&table(""), told);
+    let pulse =
+        |row: usize, x: f64| format!("{:.2},{},{x:.3}\n", 0.05 * row as f64, if row % 100 < 15 { 999 } else { 0 });
+    let pulses: String = truth().iter().enumerate().map(|(row, [_, _, x])| pulse(row, *x)).collect();
+    read(&format!("Time (s),Force (nN),Position (um)\n{pulses}"), TableSettings::default()).expect("pulses of 999 nN");
 }
 
 #[test]

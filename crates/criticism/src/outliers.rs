@@ -224,7 +224,6 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Median of finite values; 0 if there are none.
 #[cfg(test)]
 #[path = "outliers_tests.rs"]
 mod tests;

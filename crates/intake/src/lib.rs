@@ -133,7 +133,8 @@ fn one(
     };
     let stress = match &looked {
         Some(looked) if creep.is_none() && strain.is_none() => {
-            let area_m2 = cross_section_m2(&request, Preamble(&looked.preamble));
+            let preamble = Preamble(&looked.preamble);
+            let area_m2 = specimen_length_m(&request, preamble).and_then(|_| cross_section_m2(&request, preamble));
             area_m2.and_then(|area_m2| stress_of_specimen(&request, looked, area_m2.value))
         }
         _ => None,
@@ -147,9 +148,10 @@ fn one(
     let mut proposal = propose(place, bytes, given.unwrap_or(&request.known_columns), ask)?;
     if read.is_some() {
         proposal.reasons.retain(|reason| !reason.contains("although the table says"));
-        proposal
-            .reasons
-            .extend(strain.is_some().then(|| "the position is the strain times the length of the specimen".into()));
+        proposal.reasons.push(match stress.is_some() {
+            true => "the force is the stress times the cross-section of the specimen".into(),
+            false => "the position is the strain times the length of the specimen".into(),
+        });
     } else if let Some(strain) = &strain {
         // An error would be one of questions that are already answered for the extension.
         if let Ok(strain) = propose(place, bytes, strain, &mut |_| None) {

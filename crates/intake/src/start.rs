@@ -115,7 +115,7 @@ impl Start {
         }
         if is_unknown(first_s, proposal, own, control) {
             let at = format!("at {} s, and the table does not show when it began", format_significant(first_s, 6));
-            let before = format_significant(first_s - proposal.interval_s(), 6);
+            let before = (1e6 * (first_s - proposal.interval_s())).round() / 1e6;
             let when = match first_s <= proposal.duration_s {
                 true => "0` if it began at time 0".into(),
                 false => format!("{before}` if it began one interval before the first row"),

@@ -69,7 +69,7 @@ const PARTS: [(&str, f64); 18] = [
     ("frac", 1.0),
 ];
 /// Words that name a test in tension or compression, whose strain is the stress divided by the modulus without a factor.
-pub(super) const UNIAXIAL: [&str; 26] = [
+pub(super) const UNIAXIAL: [&str; 29] = [
     "tensil",
     "tension",
     "elongation",
@@ -81,9 +81,12 @@ pub(super) const UNIAXIAL: [&str; 26] = [
     "zug",
     "druck",
     "traction",
-    "tracci",
-    "trazione",
-    "tração",
+    "de tracci",
+    "a tracci",
+    "di trazione",
+    "a trazione",
+    "de tração",
+    "à tração",
     "растяг",
     "растяж",
     "сжат",
@@ -100,7 +103,7 @@ pub(super) const UNIAXIAL: [&str; 26] = [
 /// Words of stresses and strains that name such a test, unless a column is of a rotation.
 const OF_LENGTH: [&str; 5] = ["engineering", "nominal", "true stress", "true strain", "stauchung"];
 /// Words in the names of columns of a rotating rheometer.
-pub(super) const ROTATION: [&str; 16] = [
+pub(super) const ROTATION: [&str; 18] = [
     "torque",
     "shear",
     "rotation",
@@ -111,8 +114,10 @@ pub(super) const ROTATION: [&str; 16] = [
     "cisalh",
     "cizall",
     "cortante",
-    "taglio",
-    "сдвиг",
+    "di taglio",
+    "сдвигов",
+    "напряжение сдвига",
+    "деформация сдвига",
     "せん断",
     "剪断",
     "剪切",
@@ -139,7 +144,7 @@ const MOTION: [&str; 5] = ["displac", "déplac", "weg", "position", "travel"];
 /// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
-pub(super) const MULTIAXIAL: [&str; 15] = [
+pub(super) const MULTIAXIAL: [&str; 17] = [
     "biaxial",
     "triaxial",
     "shear",
@@ -149,8 +154,10 @@ pub(super) const MULTIAXIAL: [&str; 15] = [
     "cisalh",
     "cizall",
     "cortante",
-    "taglio",
-    "сдвиг",
+    "di taglio",
+    "сдвигов",
+    "напряжение сдвига",
+    "деформация сдвига",
     "せん断",
     "剪断",
     "剪切",
@@ -473,7 +480,11 @@ fn refuse_compliance_beside_stress(
     let is_compliance = |place: usize| called(name(place), &COMPLIANCE, &OF_FREQUENCY);
     let found = (0..looked.columns.len()).find(|place| is_compliance(*place));
     let (Some(compliance), [(stress, _), ..]) = (found, stresses) else { return Ok(()) };
-    if strains.iter().any(|(place, _)| !is_compliance(*place)) {
+    // A machine and an instrument with a tip also have compliances, beside a force or a position.
+    let is_of_machine =
+        looked.units.iter().flatten().any(|unit| matches!(unit.dimension, Dimension::Force | Dimension::Length));
+    let has_other_unit = per_pa(name(compliance), &symbol(name(compliance))).is_none();
+    if strains.iter().any(|(place, _)| !is_compliance(*place)) || is_of_machine || has_other_unit {
         return Ok(());
     }
     Err(Error::input(
@@ -680,7 +691,11 @@ impl StressStrain {
                 || constant.is_some() && is_of_young(name(place))
         });
         let names = || [stress.0, strain.0].into_iter().map(name);
-        let is_open = !is_uniaxial && !names().any(|name| called(name, &MULTIAXIAL, &[]));
+        // G and J are a shear modulus and the compliance in shear.
+        let is_shear = |name: &str| {
+            called(name, &MULTIAXIAL, &[]) || constant.is_some() && ["g", "j"].contains(&symbol(name).as_str())
+        };
+        let is_open = !is_uniaxial && !names().any(is_shear);
         let uniaxial_because = if is_open { said_beside(looked) } else { None };
         let is_uniaxial = is_uniaxial || uniaxial_because.is_some();
         let has_stated = match constant {

@@ -201,6 +201,10 @@ fn sized_from(
     let all = [smallest, largest];
     // Few sizes are computed: the search by a polynomial through them is repeated near the size that it finds. If the two disagree, every size is computed.
     let near = || {
+        // Sizes between the limits of force and strain may lie in several ranges.
+        if search.limits_strain {
+            return None;
+        }
         let found = search.run(all, &Interpolated::through(all, N_NODES, &computed)?.compliance())?;
         if found.is_last_tried {
             return search.is_met_at(found.succeeds, computed(found.succeeds)).then_some(found);

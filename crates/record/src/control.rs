@@ -247,21 +247,28 @@ pub(super) fn holds(time_s: &[f64], values: &[f64]) -> bool {
     has_only_jumps(values) || holds_in(means_of_blocks(values)) || holds_in(means_in_time(time_s, values))
 }
 
-/// Largest relative standard deviation of a force that holds, and least motion under it, in steps between neighbouring rows.
-const HELD_SD: f64 = 0.05;
+/// Largest relative change of a force that holds, least motion under it in standard errors of its ends, and least ratio of the relative motion to the relative change.
+const SAME_FORCE: f64 = 0.02;
 const CREEPS: f64 = 8.0;
+const RATHER: f64 = 5.0;
 
-/// True if the body goes on moving while the force holds near its largest value.
+/// True if the body goes on moving while the force holds near its largest value. In a relaxation the force falls by more than the position changes.
 pub(super) fn creeps_under_held_force(force_n: &[f64], position_m: &[Option<f64>]) -> bool {
     let (force_n, known) = known_rows(force_n, position_m);
     let largest_n = force_n.iter().fold(0.0_f64, |most, force| most.max(force.abs()));
-    let held = || force_n.iter().zip(&known).filter(|(force, _)| force.abs() > 0.8 * largest_n);
-    let (held_n, held_m): (Vec<f64>, Vec<f64>) = held().unzip();
-    let step_m = median(held_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect());
+    let held = force_n.iter().zip(&known).filter(|(force, _)| force.abs() > 0.8 * largest_n);
+    let (held_n, held_m): (Vec<f64>, Vec<f64>) = held.unzip();
     let quarter = held_m.len() / 4;
-    let ends = [&held_m[..quarter], &held_m[held_m.len() - quarter..]].map(|part| median(part.to_vec()));
-    let ([Some(first_m), Some(last_m)], Some(step_m)) = (ends, step_m) else { return false };
-    relative_sd(&held_n) < HELD_SD && (last_m - first_m).abs() > CREEPS * step_m
+    let change = |values: &[f64]| {
+        let [first, last] = [&values[..quarter], &values[values.len() - quarter..]].map(|part| median(part.to_vec()));
+        Some((last? - first?).abs())
+    };
+    let step_m = median(held_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect());
+    let (Some(change_n), Some(change_m), Some(step_m)) = (change(&held_n), change(&held_m), step_m) else {
+        return false;
+    };
+    let (falls, moves) = (change_n / largest_n, change_m / range_with_zero(&known));
+    falls < SAME_FORCE && moves > RATHER * falls && change_m > CREEPS * step_m / (quarter as f64).sqrt()
 }
 
 /// True if a commanded position jumps from row to row, and the force answers only in the row after each jump: the position of a row then acts from that row on.

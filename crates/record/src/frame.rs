@@ -66,11 +66,14 @@ const COMMAND_AT_REST: f64 = 0.002;
 pub fn offset_at_rest(command: &[f64], measured: &[Option<f64>]) -> Option<f64> {
     let (low, high) =
         command.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
-    let n_rest =
-        command.iter().take_while(|value| (**value - command[0]).abs() <= COMMAND_AT_REST * (high - low)).count();
+    // A measured strain is noisy at rest.
+    let steps = command.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let noise = SD_PER_MAD * median(steps)? / SQRT_2;
+    let tolerance = (COMMAND_AT_REST * (high - low)).max(OFFSET_NOISES * noise);
+    let n_rest = command.iter().take_while(|value| (**value - command[0]).abs() <= tolerance).count();
     let at_rest: Vec<f64> = measured[..n_rest].iter().flatten().copied().collect();
     // Without a change of the command there is no rest before it.
-    if n_rest == command.len() || at_rest.len() < ROWS_AT_REST || command[0].abs() > COMMAND_AT_REST * (high - low) {
+    if n_rest == command.len() || at_rest.len() < ROWS_AT_REST || command[0].abs() > tolerance {
         return None;
     }
     let offset = median(at_rest.clone())?;

@@ -85,9 +85,12 @@ const STILL: f64 = 0.1;
 pub(super) fn force_off_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let first_n = record.force_n.first().copied().filter(|force_n| *force_n != 0.0)?;
+    // A row without a position stands for a load that began before the record.
+    record.position_m.first().copied().flatten()?;
     let steps = record.force_step_rows();
     let step = steps.iter().copied().find(|row| *row > 0).filter(|row| *row >= ROWS_BEFORE)?;
-    let next_s = steps.iter().find(|row| **row > step).map_or(f64::INFINITY, |row| record.time_s[*row]);
+    let next_s =
+        steps.iter().find(|row| **row > step).map(|row| record.time_s[*row]).or(record.time_s.last().copied())?;
     let at_s = record.time_s[step];
     let window_s = (at_s - record.time_s[0]).min(next_s - at_s);
     // Motion (m) from one time to another, by a line through the rows between.
@@ -104,13 +107,13 @@ pub(super) fn force_off_at_rest(looked: &CheckContext<'_>) -> Option<Contradicti
         return None;
     }
     let text = format!(
-        "a force of {} µN is recorded before the first switch, and the body stands still, although this force would move it by {} µm: the force has an offset, or it began long before",
+        "a force of {} µN is recorded before the first switch, and the body stands still, although the next force moves it as if this one would move it by {} µm: the force has an offset or began long before, or the gel yields only above it",
         um(first_n),
         um(expected_m)
     );
     let advice =
-        "subtract the force at rest from all forces of the table; if it acts, state when it began (`load_start_s`)";
-    Some(found("force_off", true, text, advice))
+        "subtract an offset from all forces of the table; of a force that acts, state when it began (`load_start_s`)";
+    Some(found("force_off", false, text, advice))
 }
 
 /// Finds positions that were measured from the first row's position, whose noise then shifts all positions. The symptom is a first position of exactly 0, although the

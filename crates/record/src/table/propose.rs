@@ -362,7 +362,7 @@ pub fn propose(file: &Path, bytes: &[u8], given: &TableSettings, ask: Ask<'_>) -
     let mut proposal = TableProposal {
         columns: named_columns(tables[0]),
         acts_from_row: control == Control::Position && answers_after_jumps(&trajectory.force_n, &trajectory.position_m),
-        has_force_offset: control == Control::Position && has_force_offset,
+        has_force_offset,
         starts_loaded: trajectory.force_n.iter().take(2).any(|force| 3.0 * force.abs() > largest_n),
         jumps_at_once,
         first_time_s: trajectory.time_s.first().copied().unwrap_or(0.0),
@@ -841,10 +841,12 @@ impl DescribedFile<'_> {
         // Numbers of each column with the sign, those too small for it, and those that lack it although they are large. Only a column whose small numbers lack the sign shows
         // what it means: in a column of decimals, all numbers may have three of them. No decimal number has the sign twice.
         let mut is_repeated = false;
-        let mut counts: BTreeMap<usize, [usize; 3]> = BTreeMap::new();
+        // A program that writes 1.5 as `1.500` writes 0 as `0.000`.
+        let mut ends_in_zero: BTreeSet<usize> = BTreeSet::new();
+        let mut counts: BTreeMap<usize, [usize; 4]> = BTreeMap::new();
         for row in self.rows() {
             for (at, cell) in row.iter().enumerate().filter(|(_, cell)| !is_lost(cell)) {
-                let is_number = |text: &str| text.parse::<f64>().is_ok_and(|number| number != 0.0);
+                let is_number = |text: &str| text.parse::<f64>().is_ok();
                 let plain = if sign == Thousands::Point { cell.replace(',', ".") } else { cell.to_string() };
                 let digits = plain.trim_start_matches(['+', '-']).split('.').next().map_or(0, str::len);
                 let kind = if cell.contains(sign.name()) {
@@ -856,6 +858,8 @@ impl DescribedFile<'_> {
                     }
                     is_repeated |= taken.contains(&at) && cell.matches(sign.name()).count() > 1;
                     0
+                } else if plain.parse() == Ok(0.0) {
+                    3
                 } else if is_number(&plain) {
                     if digits <= 3 { 1 } else { 2 }
                 } else {
@@ -863,14 +867,18 @@ impl DescribedFile<'_> {
                 };
                 if taken.contains(&at) {
                     counts.entry(at).or_default()[kind] += 1;
+                    if kind == 0 && cell.ends_with('0') {
+                        ends_in_zero.insert(at);
+                    }
                 }
             }
         }
         let [fewest_grouped, fewest_small] = if is_quoted { [1, 1] } else { [FEWEST_GROUPED, FEWEST_SMALL] };
-        let shows = |[n_grouped, n_small, n_large]: &[usize; 3]| {
-            *n_grouped >= fewest_grouped && *n_small >= fewest_small && *n_large == 0
+        let shows = |(at, [n_grouped, n_small, n_large, n_zero]): (&usize, &[usize; 4])| {
+            let n_small = n_small + if ends_in_zero.contains(at) { *n_zero } else { 0 };
+            *n_grouped >= fewest_grouped && n_small >= fewest_small && *n_large == 0
         };
-        if !is_repeated && !counts.values().any(shows) {
+        if !is_repeated && !counts.iter().any(shows) {
             return Ok(None);
         }
         let [n_grouped, n_small] = [0, 1].map(|kind| counts.values().map(|count| count[kind]).sum::<usize>());
@@ -1051,7 +1059,8 @@ fn refuse_marks_of_missing_forces(
     let mark = written().nth(first).unwrap_or(f64::NAN);
     let n_marked = written().filter(|value| is_mark(*value)).count();
     let largest = written().filter(|value| !is_mark(*value)).fold(0.0, |most: f64, value| most.max(value.abs()));
-    if n_marked as f64 > MOST_MARKED * trajectory.force_n.len() as f64 || mark.abs() < MARK_TO_OTHERS * largest {
+    let is_many = n_marked as f64 > MOST_MARKED * trajectory.force_n.len() as f64;
+    if largest == 0.0 || is_many || mark.abs() < MARK_TO_OTHERS * largest {
         return Ok(());
     }
     Err(Error::input(
@@ -1432,7 +1441,8 @@ fn rows_before_trigger(trajectory: &Trajectory, control: Control) -> Option<Idle
 /// Whether the force of a relaxation is not 0 before its position first changes.
 fn has_force_offset(trajectory: &Trajectory) -> bool {
     let known: Option<Vec<f64>> = trajectory.position_m.iter().copied().collect();
-    let force_n: Vec<Option<f64>> = trajectory.force_n.iter().copied().map(Some).collect();
+    let force_n: Vec<Option<f64>> =
+        trajectory.force_n.iter().map(|force| Some(*force).filter(|force| force.is_finite())).collect();
     known.is_some_and(|position_m| offset_at_rest(&position_m, &force_n).is_some())
 }
 
