@@ -1445,7 +1445,7 @@ fn the_offset_of_a_force_at_rest_is_found() {
     let tail = |row: u32| {
         let (t, force) = (0.1 * f64::from(row), if row < 580 { 0.3 } else { 1.0 });
         let pulled = |since: f64| 20.0 * (1.0 - (-since.max(0.0) / 0.3).exp());
-        format!("{t:.1},{force},{:.3}\n", 0.3 * pulled(t) + 0.7 * pulled(t - 58.0) + 0.1 * noise(row as usize))
+        format!("{t:.1},{force},{:.3}\n", 0.3 * pulled(t) + 0.7 * pulled(t - 58.0) + 0.02 * noise(row as usize))
     };
     let text = format!("Time (s),Force (uN),Position (um)\n{}", (0..600).map(tail).collect::<String>());
     let (_, experiment, files) = read(&text, TableSettings::default()).expect("a record");

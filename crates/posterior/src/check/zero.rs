@@ -78,15 +78,14 @@ pub(super) fn off_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction> {
 /// Least number of rows before the first switch of the force, and least motion that their force would cause, in noise standard deviations.
 const ROWS_BEFORE: usize = 5;
 const MOVES_NOISES: f64 = 10.0;
-/// Largest part of this motion at which the body stands still.
+/// Largest part of this motion at which the body stands still, and largest difference of the last positions from the first, in noise standard deviations.
 const STILL: f64 = 0.1;
+const MOVED_NOISES: f64 = 4.0;
 
 /// Finds a force before its first switch that does not move the body, although the same force moves it after the switch: the force has an offset.
 pub(super) fn force_off_at_rest(looked: &CheckContext<'_>) -> Option<Contradiction> {
     let record = looked.record;
     let first_n = record.force_n.first().copied().filter(|force_n| *force_n != 0.0)?;
-    // A row without a position stands for a load that began before the record.
-    record.position_m.first().copied().flatten()?;
     let steps = record.force_step_rows();
     let step = steps.iter().copied().find(|row| *row > 0).filter(|row| *row >= ROWS_BEFORE)?;
     let next_s =
@@ -103,7 +102,12 @@ pub(super) fn force_off_at_rest(looked: &CheckContext<'_>) -> Option<Contradicti
     };
     let [before_m, after_m] = [[at_s - window_s, at_s], [at_s, at_s + window_s]].map(moved_m);
     let expected_m = after_m? * first_n / (record.force_n[step] - first_n);
-    if expected_m.abs() < MOVES_NOISES * looked.noise_m || before_m?.abs() > STILL * expected_m.abs() {
+    let still_m = STILL * expected_m.abs();
+    // A body that the force has moved since the first row may have come to rest. A row without a position stands for a load that began before the record.
+    let first_m = record.position_m.first().copied().flatten()?;
+    let last_m = median(record.position_m[step - ROWS_BEFORE..step].iter().flatten().copied().collect())?;
+    let has_moved = (last_m - first_m).abs() > still_m.max(MOVED_NOISES * looked.noise_m);
+    if expected_m.abs() < MOVES_NOISES * looked.noise_m || before_m?.abs() > still_m || has_moved {
         return None;
     }
     let text = format!(
