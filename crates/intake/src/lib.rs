@@ -124,21 +124,15 @@ fn one(
         refuse_without_moduli(place, &request.known_columns, looked)?;
         refuse_flow_curve(place, &request.known_columns, looked)?;
     }
-    let strain = match &looked {
-        Some(looked) if creep.is_none() => {
-            let length_m = specimen_length_m(&request, Preamble(&looked.preamble));
-            length_m.and_then(|length_m| strain_of_specimen(&request, looked, 1e3 * length_m.value))
-        }
-        _ => None,
-    };
-    let stress = match &looked {
-        Some(looked) if creep.is_none() && strain.is_none() => {
-            let preamble = Preamble(&looked.preamble);
-            let area_m2 = specimen_length_m(&request, preamble).and_then(|_| cross_section_m2(&request, preamble));
-            area_m2.and_then(|area_m2| stress_of_specimen(&request, looked, area_m2.value))
-        }
-        _ => None,
-    };
+    let specimen = looked.as_ref().filter(|_| creep.is_none()).and_then(|looked| {
+        let preamble = Preamble(&looked.preamble);
+        Some((looked, specimen_length_m(&request, preamble)?, cross_section_m2(&request, preamble)))
+    });
+    let strain =
+        specimen.as_ref().and_then(|(looked, length_m, _)| strain_of_specimen(&request, looked, 1e3 * length_m.value));
+    let stress = specimen
+        .filter(|_| strain.is_none())
+        .and_then(|(looked, _, area_m2)| stress_of_specimen(&request, looked, area_m2?.value));
     // A strain beside a position is read if the user names it.
     let has_length =
         |looked: &InspectedTable| looked.units.iter().flatten().any(|unit| unit.dimension == Dimension::Length);

@@ -102,12 +102,9 @@ pub(super) const UNIAXIAL: [&str; 29] = [
 ];
 /// Words of stresses and strains that name such a test, unless a column is of a rotation.
 const OF_LENGTH: [&str; 5] = ["engineering", "nominal", "true stress", "true strain", "stauchung"];
-/// Words in the names of columns of a rotating rheometer.
-pub(super) const ROTATION: [&str; 18] = [
-    "torque",
+/// Words of a shear.
+const SHEAR: [&str; 15] = [
     "shear",
-    "rotation",
-    "drehmoment",
     "scher",
     "schubs",
     "cisail",
@@ -123,6 +120,8 @@ pub(super) const ROTATION: [&str; 18] = [
     "剪切",
     "전단",
 ];
+/// Words in the names of columns of a rotating rheometer.
+pub(super) const ROTATION: [&str; 18] = joined(["torque", "rotation", "drehmoment"], SHEAR);
 /// Words in the names of positions that testing machines write.
 pub(super) const OF_SPECIMEN: [&str; 11] = [
     "extension",
@@ -144,25 +143,7 @@ const MOTION: [&str; 5] = ["displac", "déplac", "weg", "position", "travel"];
 /// Words of a stress or a strain that is relative to the deformed specimen. One relative to the first length is read before it.
 const DEFORMED: [&str; 2] = ["true", "cauchy"];
 /// Words that exclude such a test.
-pub(super) const MULTIAXIAL: [&str; 17] = [
-    "biaxial",
-    "triaxial",
-    "shear",
-    "scher",
-    "schubs",
-    "cisail",
-    "cisalh",
-    "cizall",
-    "cortante",
-    "di taglio",
-    "сдвигов",
-    "напряжение сдвига",
-    "деформация сдвига",
-    "せん断",
-    "剪断",
-    "剪切",
-    "전단",
-];
+pub(super) const MULTIAXIAL: [&str; 17] = joined(["biaxial", "triaxial"], SHEAR);
 /// Words in the names of stresses and strains that are not those of the test: settings, statistics, other directions, and parts of another quantity.
 const BESIDE: [&str; 42] = [
     "normal",
@@ -216,6 +197,21 @@ const NEAR_ONE: f64 = 0.05;
 const GAUGE: [&str; 5] = ["gauge length", "gage length", "specimen length", "grip separation", "einspannlänge"];
 /// Poisson's ratio of a specimen that is nearly all water.
 const OF_WATER: f64 = 0.5;
+
+/// All words of two lists.
+const fn joined<const A: usize, const B: usize, const ALL: usize>(
+    first: [&'static str; A],
+    second: [&'static str; B],
+) -> [&'static str; ALL] {
+    assert!(ALL == A + B);
+    let mut all = [""; ALL];
+    let mut place = 0;
+    while place < ALL {
+        all[place] = if place < A { first[place] } else { second[place - A] };
+        place += 1;
+    }
+    all
+}
 
 /// Size of the unit that a strain's name states, and whether the name can be read: a bracket may hold another unit.
 fn stated_part(name: &str) -> (Option<f64>, bool) {
