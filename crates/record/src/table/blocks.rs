@@ -427,11 +427,10 @@ const FIRST_ROWS: usize = 8;
 enum FirstCells {
     /// Empty, or alone in quotation marks as R writes the names of rows.
     Names,
-    /// Whole numbers that grow by one.
-    Counts,
+    /// Texts, or whole numbers that grow by one, which may be names of rows.
+    PerhapsNames,
     WholeNumbers,
     Numbers,
-    Others,
 }
 
 fn first_cells(rows: &[&str], layout: &Layout) -> FirstCells {
@@ -448,12 +447,12 @@ fn first_cells(rows: &[&str], layout: &Layout) -> FirstCells {
         cell.replace(',', ".").parse::<f64>().ok().map(|number| (number, !cell.contains(['.', ','])))
     };
     let Some(firsts) = rows().take(FIRST_ROWS).map(first).collect::<Option<Vec<(f64, bool)>>>() else {
-        return FirstCells::Others;
+        return FirstCells::PerhapsNames;
     };
     if !firsts.iter().all(|(_, is_whole)| *is_whole) {
         FirstCells::Numbers
     } else if firsts.windows(2).all(|pair| pair[1].0 == pair[0].0 + 1.0) {
-        FirstCells::Counts
+        FirstCells::PerhapsNames
     } else {
         FirstCells::WholeNumbers
     }

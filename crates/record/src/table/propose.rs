@@ -838,50 +838,41 @@ impl DescribedFile<'_> {
             Decimal::Point if !is_quoted => Thousands::Point,
             _ => Thousands::Comma,
         };
-        // Numbers of each column with the sign, those too small for it, and those that lack it although they are large. Only a column whose small numbers lack the sign shows
-        // what it means: in a column of decimals, all numbers may have three of them. No decimal number has the sign twice.
-        let mut is_repeated = false;
-        // A program that writes 1.5 as `1.500` writes 0 as `0.000`.
-        let mut ends_in_zero: BTreeSet<usize> = BTreeSet::new();
-        let mut counts: BTreeMap<usize, [usize; 4]> = BTreeMap::new();
+        let mut columns: BTreeMap<usize, SignCounts> = BTreeMap::new();
         for row in self.rows() {
             for (at, cell) in row.iter().enumerate().filter(|(_, cell)| !is_lost(cell)) {
                 let is_number = |text: &str| text.parse::<f64>().is_ok();
                 let plain = if sign == Thousands::Point { cell.replace(',', ".") } else { cell.to_string() };
                 let digits = plain.trim_start_matches(['+', '-']).split('.').next().map_or(0, str::len);
-                let kind = if cell.contains(sign.name()) {
-                    if sign.removed(cell).is_none() {
-                        match taken.contains(&at) || is_number(&cell.replacen(sign.name(), ".", 1)) {
-                            true => return Ok(None),
-                            false => continue,
-                        }
-                    }
-                    is_repeated |= taken.contains(&at) && cell.matches(sign.name()).count() > 1;
-                    0
-                } else if plain.parse() == Ok(0.0) {
-                    3
-                } else if is_number(&plain) {
-                    if digits <= 3 { 1 } else { 2 }
-                } else {
+                let has_sign = cell.contains(sign.name());
+                let is_taken = taken.contains(&at);
+                if has_sign
+                    && sign.removed(cell).is_none()
+                    && (is_taken || is_number(&cell.replacen(sign.name(), ".", 1)))
+                {
+                    return Ok(None);
+                }
+                if !is_taken {
                     continue;
-                };
-                if taken.contains(&at) {
-                    counts.entry(at).or_default()[kind] += 1;
-                    if kind == 0 && cell.ends_with('0') {
-                        ends_in_zero.insert(at);
-                    }
+                }
+                let column = columns.entry(at).or_default();
+                if has_sign {
+                    column.n_grouped += 1;
+                    column.ends_in_zero |= cell.ends_with('0');
+                    column.is_repeated |= cell.matches(sign.name()).count() > 1;
+                } else if plain.parse() == Ok(0.0) {
+                    column.n_zero += 1;
+                } else if is_number(&plain) {
+                    *(if digits <= 3 { &mut column.n_small } else { &mut column.n_large }) += 1;
                 }
             }
         }
-        let [fewest_grouped, fewest_small] = if is_quoted { [1, 1] } else { [FEWEST_GROUPED, FEWEST_SMALL] };
-        let shows = |(at, [n_grouped, n_small, n_large, n_zero]): (&usize, &[usize; 4])| {
-            let n_small = n_small + if ends_in_zero.contains(at) { *n_zero } else { 0 };
-            *n_grouped >= fewest_grouped && n_small >= fewest_small && *n_large == 0
-        };
-        if !is_repeated && !counts.iter().any(shows) {
+        let fewest = if is_quoted { [1, 1] } else { [FEWEST_GROUPED, FEWEST_SMALL] };
+        if !columns.values().any(|column| column.shows_thousands(fewest)) {
             return Ok(None);
         }
-        let [n_grouped, n_small] = [0, 1].map(|kind| counts.values().map(|count| count[kind]).sum::<usize>());
+        let n_grouped: usize = columns.values().map(|column| column.n_grouped).sum();
+        let n_small: usize = columns.values().map(|column| column.n_small).sum();
         let sign_name = sign.name();
         reasons.push(format!(
             "`{sign_name}` is read as thousands separator: all {n_grouped} numbers with it end in groups of three digits, and {n_small} smaller numbers lack it (thousands = \"{sign_name}\"); use `{setting} none` if it is the decimal sign"
@@ -1034,6 +1025,28 @@ impl DescribedFile<'_> {
         }
         description.lost = lost.iter().map(|value_m| as_written(*value_m, unit_m)).collect();
         read(description)
+    }
+}
+
+/// Numbers of a column that show whether a sign separates thousands or decimals.
+#[derive(Default)]
+struct SignCounts {
+    /// Numbers with the sign; whether one of them ends in 0, and whether one has the sign twice.
+    n_grouped: usize,
+    ends_in_zero: bool,
+    is_repeated: bool,
+    /// Numbers without the sign: those too small for it, zeros, and large ones.
+    n_small: usize,
+    n_zero: usize,
+    n_large: usize,
+}
+
+impl SignCounts {
+    /// True if the sign separates thousands: it stands twice in a number, or the small numbers lack it. In a column of decimals, all numbers may have three of them.
+    fn shows_thousands(&self, [fewest_grouped, fewest_small]: [usize; 2]) -> bool {
+        // A program that writes 1.5 as `1.500` writes 0 as `0.000`.
+        let n_small = self.n_small + if self.ends_in_zero { self.n_zero } else { 0 };
+        self.is_repeated || self.n_grouped >= fewest_grouped && n_small >= fewest_small && self.n_large == 0
     }
 }
 
